@@ -51,6 +51,7 @@ stiction_solver_options to_c(const SolverOptions& options) {
   c.invalid = number(options.invalid);
   c.islands = number(options.islands);
   c.direct_rows = options.direct_rows;
+  c.absolute_tolerance = options.absolute_tolerance;
   return c;
 }
 
@@ -104,6 +105,7 @@ void set_defaults(stiction_body_options& options) {
   options.prolongation = number(cpp.space.multigrid.prolongation);
   options.cycle = number(cpp.space.multigrid.cycle);
   options.ordering = number(cpp.space.ordering);
+  options.absolute_tolerance = cpp.absolute_tolerance;
 }
 
 void set_defaults(stiction_batch_view& batch) {

@@ -66,6 +66,7 @@ SolverOptions to_cpp(const stiction_solver_options& options) {
   cpp.invalid = invalid_of("options.invalid", options.invalid);
   cpp.islands = islands_of("options.islands", options.islands);
   cpp.direct_rows = options.direct_rows;
+  cpp.absolute_tolerance = options.absolute_tolerance;
   return cpp;
 }
 
@@ -125,6 +126,7 @@ BodySolverOptions to_cpp(const stiction_body_options& options) {
   cpp.space.ordering = ordering_of("options.ordering", options.ordering);
   cpp.iterations = options.iterations;
   cpp.tolerance = options.tolerance;
+  cpp.absolute_tolerance = options.absolute_tolerance;
   cpp.momentum = options.momentum != 0;
   cpp.omega = options.omega;
   cpp.substeps = options.substeps;

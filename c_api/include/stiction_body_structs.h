@@ -35,6 +35,7 @@ typedef struct stiction_body_options {
   int32_t prolongation;         /**< stiction_prolongation */
   int32_t cycle;                /**< stiction_cycle */
   int32_t ordering;             /**< stiction_ordering */
+  double absolute_tolerance;    /**< on the absolute residual; solved is where either holds [m/s] */
 } stiction_body_options;
 
 /** Bodies and contact points. World axes; a twist is (velocity of the centre of mass [m/s], angular velocity [rad/s]).

@@ -126,7 +126,9 @@ typedef enum stiction_env_code {
   STICTION_ENV_STALLED = 2,        /**< no progress; the best iterate is returned */
   STICTION_ENV_NUMERICAL = 3,      /**< the iteration left the finite numbers; the best finite iterate is returned */
   STICTION_ENV_INVALID_INPUT = 4,  /**< see the flags; lambda = 0 and w = 0 are returned */
-  STICTION_ENV_UNSUPPORTED = 5     /**< the solver cannot treat this system; lambda = 0, w = b */
+  STICTION_ENV_UNSUPPORTED = 5,    /**< the solver cannot treat this system; lambda = 0, w = b */
+  STICTION_ENV_ROUNDING = 6,       /**< above the tolerance, and roundings of the reactions are all that is left */
+  STICTION_ENV_INFEASIBLE = 7      /**< a contact that nothing can move is pressed; all others have their reactions */
 } stiction_env_code;
 
 /** What was noticed about one environment; any number of bits at once. */
@@ -158,8 +160,8 @@ typedef struct stiction_batch stiction_batch;                     /**< a batch t
 
 /** The record every environment gets. 32 bytes. */
 typedef struct stiction_status {
-  double residual;          /**< natural map of the answer / max|b| [-] */
-  double residual_absolute; /**< the same in units of w */
+  double residual;          /**< largest error of a contact over its island's scale (docs/math/residual.md) [-] */
+  double residual_absolute; /**< largest error of a contact [w] */
   uint32_t flags;           /**< stiction_env_flag bits */
   int32_t iterations;       /**< of the solver that answered */
   uint8_t code;             /**< stiction_env_code */
@@ -186,7 +188,7 @@ typedef struct stiction_warm_start_record {
 /** What a solver is told when it is made. */
 typedef struct stiction_solver_options {
   size_t size;            /**< sizeof of the struct that the caller has */
-  double tolerance;       /**< on the relative natural-map residual; 0: all iterations [-] */
+  double tolerance;       /**< on the relative residual; 0: all iterations [-] */
   double omega;           /**< relaxation of pgs and npgs, in (0, 2) [-] */
   int32_t solver;         /**< stiction_solver_kind */
   int32_t law;            /**< stiction_law */
@@ -196,6 +198,7 @@ typedef struct stiction_solver_options {
   int32_t invalid;        /**< stiction_invalid_policy */
   int32_t islands;        /**< stiction_islands */
   int32_t direct_rows;    /**< rows of the largest environment that is factorised, 1024 to 32768; CPU only, not auto */
+  double absolute_tolerance; /**< on the absolute residual; solved is where either holds [w] */
 } stiction_solver_options;
 
 /** Room that a solver on a GPU takes when it is made; zero: as the batches need it. */

@@ -71,6 +71,7 @@ constexpr Offset kMostSweeps = 1'000'000'000;
 void check_body_options(const BodySolverOptions& options) {
   SolverOptions common;
   common.tolerance = options.tolerance;
+  common.absolute_tolerance = options.absolute_tolerance;
   common.omega = options.omega;
   common.threads = options.threads;
   check_options(common);

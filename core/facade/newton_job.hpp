@@ -12,6 +12,7 @@ VelocityJob<Real> newton_job(const JacobianBatchView<Real>& batch, const SolverO
   job.batch = batch;
   job.law = options.law.value_or(batch.law);
   job.tolerance = options.tolerance;
+  job.absolute_tolerance = options.absolute_tolerance;
   job.max_iterations = options.max_iterations;
   job.warm_start = start.reactions;
   job.warm_velocity = start.velocities;

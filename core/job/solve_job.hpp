@@ -23,6 +23,7 @@ struct SolveJob {
   Law law;
   int stage = -1;  ///< of the fallback chain, none below 0: iterations are the stage's, and an answer that is there is
                    ///< not given up
+  double absolute_tolerance = 0.0;  ///< on the absolute residual [w]; solved is where either holds
   Index direct_rows = kDirectRows;  ///< rows of the largest environment that gets a method's matrices
 
   [[nodiscard]] STICTION_HD bool is_fallback_stage() const { return stage >= 0; }

@@ -6,11 +6,12 @@ namespace stiction {
 
 /// What Newton's method in velocities found of an environment, or of a part of one.
 struct VelocityResult {
-  double absolute = 0.0;    ///< residual                                              [w]
-  double scale = 0.0;       ///< max|b|                                                [w]
+  double relative = 0.0;    ///< largest error of a contact over its island's scale    [-]
+  double absolute = 0.0;    ///< largest error of a contact                            [w]
   std::uint32_t flags = 0;  ///< EnvFlag bits
   Index steps = 0;
-  bool is_solved = true;
+  bool is_answered = true;
+  bool is_rounding = false;  ///< of what is answered: it is not solved, and roundings are all that is left
 };
 
 /// Where an environment's numbers are. Of a part (dof_islands.hpp), `dof` and `cone` list what belongs to it; else they
@@ -42,6 +43,7 @@ struct VelocityJob {
   Law law = Law::convex;
   double tolerance = 0.0;    ///< on the relative residual, where the batch has none of the environment's own [-]
   Index max_iterations = 0;  ///< the same
+  double absolute_tolerance = 0.0;  ///< on the absolute residual; solved is where either holds [w]
   const Real* warm_start = nullptr;     ///< reactions to start from, or null          (row_count)
   const Real* warm_velocity = nullptr;  ///< velocities to start from, or null; with neither, from v_free (dof_count)
   JacobianSolutionView<Real> to;

@@ -27,6 +27,10 @@ const char* to_string(EnvCode code) noexcept {
       return "invalid_input";
     case EnvCode::unsupported:
       return "unsupported";
+    case EnvCode::rounding:
+      return "rounding";
+    case EnvCode::infeasible:
+      return "infeasible";
   }
   return kUnknown;
 }

@@ -1,13 +1,11 @@
 #include "core/runtime/island_split.hpp"
 
 #include <array>
-#include <cmath>
 #include <limits>
 #include <numeric>
 #include <utility>
 
 #include "core/base/extents.hpp"
-#include "core/base/fp_env.hpp"
 
 namespace stiction {
 namespace {
@@ -15,15 +13,14 @@ namespace {
 /// Which end of two islands an environment is said to have had: the larger one's. By EnvCode.
 constexpr std::array<int, kEnvCodeCount> kGravity = {
     0,  // solved
-    2,  // max_iterations
-    1,  // stalled
-    3,  // numerical
-    5,  // invalid_input
-    4,  // unsupported
+    4,  // max_iterations
+    3,  // stalled
+    5,  // numerical
+    7,  // invalid_input
+    6,  // unsupported
+    1,  // rounding
+    2,  // infeasible
 };
-
-/// Denominator of the relative residual where b = 0, as in residual_scale().
-constexpr double kSmallestResidualScale = 1e-300;
 
 EnvCode graver(EnvCode a, EnvCode b) {
   return kGravity[static_cast<std::size_t>(b)] > kGravity[static_cast<std::size_t>(a)] ? b : a;
@@ -144,25 +141,18 @@ EnvStatus IslandSplit<Real>::joined_status(Offset env) const {
     joined.code = graver(joined.code, status.code);
     joined.flags |= status.flags;
     joined.iterations = larger_of(joined.iterations, status.iterations);
+    if (status.residual > joined.residual) joined.residual = status.residual;
     if (status.residual_absolute > joined.residual_absolute) joined.residual_absolute = status.residual_absolute;
   }
   if (is_refused(joined.code)) {
     joined.iterations = 0;
     joined.residual = joined.residual_absolute = std::numeric_limits<double>::infinity();
-    return joined;
   }
-  double largest_b = kSmallestResidualScale;
-  for (Offset row = batch_.env_row_offsets[env]; row < batch_.env_row_offsets[env] + batch_.env_rows(env); ++row) {
-    const double size = std::abs(static_cast<double>(batch_.b[row]));
-    if (size > largest_b) largest_b = size;
-  }
-  joined.residual = joined.residual_absolute / largest_b;
   return joined;
 }
 
 template <class Real>
 void IslandSplit<Real>::join(const SolutionView<Real>& solution) const {
-  const ScopedFpEnv fp_env;  // residuals are divided here as a body divides them
   const std::vector<Offset>& rows = pieces_.arrays().env_row_offsets;
   for (Offset env = 0; env < batch_.env_count; ++env) {
     const EnvStatus status = joined_status(env);

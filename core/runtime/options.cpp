@@ -11,6 +11,8 @@ void check_options(const SolverOptions& options) {
   const auto fail = [](const std::string& message) { throw Error(ErrorCode::invalid_argument, message); };
   if (!(options.tolerance >= 0.0) || !std::isfinite(options.tolerance))
     fail("tolerance = " + std::to_string(options.tolerance) + ": must be finite and >= 0 (0 runs all iterations)");
+  if (!(options.absolute_tolerance >= 0.0) || !std::isfinite(options.absolute_tolerance))
+    fail("absolute_tolerance = " + std::to_string(options.absolute_tolerance) + ": must be finite and >= 0");
   if (options.max_iterations < 0) fail("max_iterations = " + std::to_string(options.max_iterations) + ": must be >= 0");
   if (options.stall_window < 0)
     fail("stall_window = " + std::to_string(options.stall_window) + ": must be >= 0 (0 never gives up)");

@@ -19,7 +19,7 @@ void solve_all(const VelocityJob<Real>& job, const LaneEnv<Real>* envs, Offset c
   if constexpr (sizeof(Real) == sizeof(float)) {
     const LaneEnv<Real>* const doubles = alike.envs() + alike.singles();
     for_each_pack<double>(doubles, alike.doubles(), run);
-    alike.keep_doubles([](const LaneEnv<Real>& env) { return is_tried_again(env) && !env.result->is_solved; });
+    alike.keep_doubles([](const LaneEnv<Real>& env) { return is_tried_again(env) && !env.result->is_answered; });
     for_each_pack<Real>(doubles, alike.doubles(), run);
   }
   for (Offset env = small; env < count; ++env) {

@@ -65,7 +65,9 @@ class CpuContactMachine final : public ContactMachine {
                         options.max_iterations,
                         options.stall_window,
                         static_cast<Real>(options.omega),
-                        request.law},
+                        request.law,
+                        -1,
+                        options.absolute_tolerance},
                        request.full_rows == nullptr ? nullptr : request.full_rows->data()};
     if (options.solver == SolverKind::automatic) {
       run_fallbacks(request, job);

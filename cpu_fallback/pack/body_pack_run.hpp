@@ -151,13 +151,15 @@ class BodyPackRun : public PackDriver<BodyPackRun<kLaw, Real>, kPackWidth<Real>>
       asked.add(l, lane.env);
     });
     FinalResidual evaluated[kWidth];
-    evaluate_body_lanes(env_, pack_, params_, exact_, asked, evaluated);
+    const ErrorScale* scales[kWidth];
+    for (int l = 0; l < kWidth; ++l) scales[l] = &lanes_[l].progress.scale;
+    evaluate_body_lanes(env_, pack_, params_, exact_, asked, scales, evaluated);
     due.for_each([&](int l) {
       Lane& lane = lanes_[l];
       const auto system = system_of(l);
       if (asked.env[l] != nullptr) {
-        const double absolute = reported_residual(evaluated[l], params_.tolerance * lane.progress.scale);
-        if (finalize_bodies(team_, lane.env, system, params_, polls[l], absolute, lane.progress)) {
+        const Verdict verdict = judge<Real>(evaluated[l], lane.progress.scale.largest, allowance(params_));
+        if (finalize_bodies(team_, lane.env, system, params_, polls[l], verdict, lane.progress)) {
           busy_.remove(l);
           return;
         }
@@ -216,8 +218,8 @@ class BodyPackRun : public PackDriver<BodyPackRun<kLaw, Real>, kPackWidth<Real>>
       load_lane_free(pack_, lane.env, system_of(l), params_, l);
     });
     const auto bad = load_contacts(env_, pack_, params_, kept, warm > Packed(0));
-    double largest[kWidth];
-    begin_lanes(env_, pack_, params_, exact_, entering, largest);
+    ErrorScale scales[kWidth];
+    begin_lanes(env_, pack_, params_, exact_, entering, scales);
     LaneSet loaded;
     entered.for_each([&](int l) {
       Lane& lane = lanes_[l];
@@ -227,8 +229,9 @@ class BodyPackRun : public PackDriver<BodyPackRun<kLaw, Real>, kPackWidth<Real>>
         is_composed_ = false;
         return;
       }
-      set_out(lane.progress, largest[l]);
-      if (!(largest[l] > 0.0)) rest(team_, system_of(l));
+      set_out(lane.progress, scales[l]);
+      const Strided<double, kWidth> reach{exact_.sums + l};
+      weigh_islands(team_, lane.env, system_of(l), reach, scales[l].largest > 1e-300 ? scales[l].largest : 0.0);
       loaded.add(l);
     });
     return loaded;

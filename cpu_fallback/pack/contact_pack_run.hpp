@@ -117,7 +117,6 @@ class ContactPackRun : public PackDriver<ContactPackRun<Method, kLaw, Real>, kPa
     EnvView<Real> env;
     StopRule rule;
     std::uint32_t flags;
-    double residual_scale;
   };
 
   static Offset elements(const ConeCounts& slots) {
@@ -152,7 +151,6 @@ class ContactPackRun : public PackDriver<ContactPackRun<Method, kLaw, Real>, kPa
       LaneState& state = states_[l];
       state.flags = loads[k].flags | unsupported_flags<Method>(state.env, lanes_[l]);
       if (is_solvable(state.flags)) {
-        state.residual_scale = residual_scale(team_, state.env);
         searches_.begin(l, state.rule);
         loaded.add(l);
       } else {
@@ -160,7 +158,15 @@ class ContactPackRun : public PackDriver<ContactPackRun<Method, kLaw, Real>, kPa
       }
     }
     const Mask<Lanes> loading = mask_of<Real, kWidth>(loaded);
-    finish_lanes(pack_, workspace_, loading);
+    finish_lanes(pack_, workspace_, loading, kLaw);
+    const EnvView<Real>* envs[kWidth];
+    int lanes[kWidth];
+    int count = 0;
+    loaded.for_each([&](int l) {
+      envs[count] = &states_[l].env;
+      lanes[count++] = l;
+    });
+    start_lanes(pack_, workspace_, lanes_.data(), envs, lanes, count, loading);
     update_best<Method, kLaw>(team_, pack_, loading);
     loaded.for_each([&](int l) {
       start_method<Method, kLaw>(team_, states_[l].env, lanes_[l]);
@@ -191,7 +197,7 @@ class ContactPackRun : public PackDriver<ContactPackRun<Method, kLaw, Real>, kPa
       const LaneState& state = states_[l];
       EnvProgress<Real> progress = searches_.of(l, state.flags);
       const bool is_done = check_evaluated<Method>(team_, state.env, lanes_[l], state.rule, poll_of_lane(polls, l),
-                                                   evaluated[l], state.residual_scale, progress);
+                                                   evaluated[l], progress);
       searches_.search.verified.v[l] = progress.verified;
       if (is_done) release(l);
     });

@@ -68,7 +68,7 @@ struct SolveVelocities {
     for (Index i = 0; i < islands.count(); ++i)
       if (!takes_size(args.job.batch, islands.part(i), args.job.law)) return;
     VelocityResult result;
-    for (Index i = 0; i < islands.count() && result.is_solved; ++i) join(result, solve(islands.part(i), place));
+    for (Index i = 0; i < islands.count() && result.is_answered; ++i) join(result, solve(islands.part(i), place));
     finish(args.job, env, result);
   }
 

@@ -214,7 +214,8 @@ void Engine::queue_solve(const SolveRequest<Real>& request, bool is_planned) {
                            request.solution.w,   request.solution.status,
                            options.tolerance,    options.max_iterations,
                            options.stall_window, static_cast<Real>(options.omega),
-                           request.law};
+                           request.law,          -1,
+                           options.absolute_tolerance};
   if (is_ladder)
     queue_fallbacks(request, job);
   else

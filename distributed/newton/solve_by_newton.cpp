@@ -77,7 +77,10 @@ class NewtonOfEnv {
     SpaceEnd end = kSpaceMet;
     if (!is_refused_) {
       const RankMeter meter(transport_);
-      progress_.scale = max_(largest_bias(env_, params_, 0.0), 1e-300);
+      progress_.scale = error_scale(options_.law == Law::convex
+                                        ? largest_error_at_rest<Law::convex>(env_, params_, 0.0)
+                                        : largest_error_at_rest<Law::coulomb>(env_, params_, 0.0));
+      progress_.scale.unit = 1.0;
       progress_.tolerance = options_.tolerance;
       end = iterate();
       meter.add_to(report);
@@ -192,16 +195,13 @@ class NewtonOfEnv {
     for (const int domain : reach_.domains)
       for (const Index p : domains_.contacts[at(domain)]) {
         if (options_.law == Law::convex)
-          judge_contact<Law::convex>(env_, params_, p, impulse_.data(), twist_.data(), largest);
+          judge_contact<Law::convex>(env_, params_, p, impulse_.data(), twist_.data(), 1.0, largest);
         else
-          judge_contact<Law::coulomb>(env_, params_, p, impulse_.data(), twist_.data(), largest);
+          judge_contact<Law::coulomb>(env_, params_, p, impulse_.data(), twist_.data(), 1.0, largest);
       }
     const LargestResidual<double> own = largest;
-    for (const LargestResidual<double>& one : gather(transport_, own)) {
-      largest.square = max_(one.square, largest.square);
-      largest.rounding_floor = max_(one.rounding_floor, largest.rounding_floor);
-    }
-    const double residual = final_residual_of(largest).residual;
+    for (const LargestResidual<double>& one : gather(transport_, own)) largest.add(one);
+    const double residual = sqrt_(largest.square);
     if (!progress_.has_best || residual < progress_.best) {
       progress_.best = residual;
       progress_.has_best = true;

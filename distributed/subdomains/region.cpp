@@ -303,11 +303,11 @@ LargestResidual<double> Region<Real>::judge() {
     const double* twists = row6(judged_, body_offsets_[at(subdomain)]);
     const Law law = contact_law(options_);
     if (law == kBoxFriction) {
-      evaluate_subdomain<kBoxFriction>(env, params, impulse, twists, largest);
+      evaluate_subdomain<kBoxFriction>(env, params, impulse, twists, 1.0, largest);
     } else if (law == Law::convex) {
-      evaluate_subdomain<Law::convex>(env, params, impulse, twists, largest);
+      evaluate_subdomain<Law::convex>(env, params, impulse, twists, 1.0, largest);
     } else {
-      evaluate_subdomain<Law::coulomb>(env, params, impulse, twists, largest);
+      evaluate_subdomain<Law::coulomb>(env, params, impulse, twists, 1.0, largest);
     }
   }
   return largest;
@@ -318,8 +318,17 @@ double Region<Real>::scale() const {
   const BodyBatchView<Real> own = own_batch();
   const SiParams params = si_params(stepping_, options_);
   double largest = 0;
-  for (Offset subdomain = 0; subdomain < own.env_count; ++subdomain)
-    largest = largest_bias(own_env(own, plan_, subdomain), params, largest);
+  const Law law = contact_law(options_);
+  for (Offset subdomain = 0; subdomain < own.env_count; ++subdomain) {
+    const BodyEnv<Real> env = own_env(own, plan_, subdomain);
+    if (law == kBoxFriction) {
+      largest = largest_error_at_rest<kBoxFriction>(env, params, largest);
+    } else if (law == Law::convex) {
+      largest = largest_error_at_rest<Law::convex>(env, params, largest);
+    } else {
+      largest = largest_error_at_rest<Law::coulomb>(env, params, largest);
+    }
+  }
   return largest;
 }
 

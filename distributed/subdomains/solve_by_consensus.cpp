@@ -201,17 +201,16 @@ class ConsensusOfEnv {
     halo_->share(0, region_->told(), 6);
     const LargestResidual<double> own = region_->judge();
     // Two numbers of each subdomain, those of other ranks' zero, then the rank's own.
-    const std::size_t width = 2 * at(parts_.count()) + 5;
+    const std::size_t width = 2 * at(parts_.count()) + 4;
     std::vector<double> mine(width);
     for (std::size_t k = 0; k < region_->gaps().size(); ++k) {
       const std::size_t subdomain = at(region_->first()) + k;
       mine[2 * subdomain] = region_->gaps()[k].primal;
       mine[2 * subdomain + 1] = region_->gaps()[k].dual;
     }
-    mine[width - 5] = sweeps_;
-    mine[width - 4] = region_->has_moved() ? 1 : 0;
-    mine[width - 3] = own.square;
-    mine[width - 2] = own.rounding_floor;
+    mine[width - 4] = sweeps_;
+    mine[width - 3] = region_->has_moved() ? 1 : 0;
+    mine[width - 2] = own.square;
     mine[width - 1] = region_->is_broken() ? 1 : 0;
     const std::byte* bytes = halo_->gather(mine.data(), width * sizeof(double));
     const auto all = [&](int rank, std::size_t k) {
@@ -220,19 +219,18 @@ class ConsensusOfEnv {
       return number;
     };
     Assessment made;
-    LargestResidual<double> largest;
+    double largest = 0;
     for (int rank = 0; rank < transport_.size(); ++rank) {
-      largest.square = max_(all(rank, width - 3), largest.square);
-      largest.rounding_floor = max_(all(rank, width - 2), largest.rounding_floor);
-      made.sweeps = std::max(made.sweeps, static_cast<Index>(all(rank, width - 5)));
-      made.has_moved = made.has_moved || all(rank, width - 4) != 0;
-      made.is_broken = made.is_broken || all(rank, width - 1) != 0 || !finite_(all(rank, width - 3));
+      largest = max_(all(rank, width - 2), largest);
+      made.sweeps = std::max(made.sweeps, static_cast<Index>(all(rank, width - 4)));
+      made.has_moved = made.has_moved || all(rank, width - 3) != 0;
+      made.is_broken = made.is_broken || all(rank, width - 1) != 0 || !finite_(all(rank, width - 2));
     }
     for (int subdomain = 0; subdomain < parts_.count(); ++subdomain) {
       const int rank = parts_.rank_of(subdomain, transport_.size());
       add_gap(made.gap, {all(rank, 2 * at(subdomain)), all(rank, 2 * at(subdomain) + 1)});
     }
-    made.residual = reported_residual(final_residual_of(largest), options_.tolerance * scale_);
+    made.residual = sqrt_(largest);
     return made;
   }
 

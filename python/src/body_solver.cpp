@@ -19,6 +19,7 @@ BodySolverOptions body_options(const SolverOptions& options, const std::string& 
   if (solver == "newton") body.space.preconditioner = BodyPreconditioner::block_diagonal;
   body.iterations = options.max_iterations;
   body.tolerance = options.tolerance;
+  body.absolute_tolerance = options.absolute_tolerance;
   body.omega = options.omega;
   body.threads = options.threads;
   body.invalid = options.invalid;

@@ -26,7 +26,7 @@ class _SolverBase:
 
     def __init__(self, solver=None, law=None, tolerance=None, max_iterations=None, threads=0, *, preset=None,
                  invalid="isolate", omega=1.0, stall_window=2000, islands="together", direct_rows=1024, callback=None,
-                 record_failures=None, trace=False):
+                 record_failures=None, trace=False, absolute_tolerance=0.0):
         if invalid not in ("isolate", "reject"):
             raise ValueError(f"invalid: expected 'isolate' or 'reject', got {invalid!r}")
         chosen = {"solver": "auto", "tolerance": 1e-4, "max_iterations": 1000}
@@ -44,7 +44,8 @@ class _SolverBase:
                                       None if law is None else word("law", law), self.tolerance, self.max_iterations,
                                       whole("stall_window", stall_window), number("omega", omega),
                                       whole("threads", threads), invalid == "isolate", word("islands", islands),
-                                      whole("direct_rows", direct_rows), self._tracer)
+                                      whole("direct_rows", direct_rows), self._tracer,
+                                      number("absolute_tolerance", absolute_tolerance))
         self._statistics = _Statistics(self, callback, record_failures)
         self._in_flight = []  # what a device has yet to read and write
 
@@ -133,6 +134,8 @@ class Solver(_SolverBase):
         "multigrid" (Newton's method with that preconditioner); any other name: sequential impulses with momentum.
     law: "convex" or "coulomb" instead of the batch's.
     tolerance: on the relative residual [-], 1e-4 if not given; 0: all iterations. max_iterations: 1000 if not given.
+    absolute_tolerance: on the largest error of a contact, in the unit of b [w]; an environment is solved where either
+        holds.
     threads: of the CPU, 0: all cores. The bits do not depend on it.
     preset: "navigation", "locomotion", "grasping" or "assembly": solver, tolerance and iterations of that task where
         they are not given.

@@ -69,6 +69,8 @@ void expect_lane_is(const Lanes<Real, W>& lanes, std::size_t e, int lane, const 
       EXPECT_TRUE(same_bits(got, want)) << what << " of cone " << c << " is " << got << ", not " << want;
     };
     expect("residual_weight", [](const auto& system) { return system.residual_weight; });
+    expect("press", [](const auto& system) { return system.press; });
+    expect("island", [](const auto& system) { return system.island; });
     expect("inv_n", [](const auto& system) { return system.inv_n; });
     expect("inv_t", [](const auto& system) { return system.inv_t; });
     expect("inv_cone", [](const auto& system) { return system.inv_cone; });
@@ -77,7 +79,7 @@ void expect_lane_is(const Lanes<Real, W>& lanes, std::size_t e, int lane, const 
     expect("lo", [](const auto& system) { return system.lo; });
     expect("hi", [](const auto& system) { return system.hi; });
   }
-  for (const int k : {kBestResidual, kLastResidual, kNormB, kScaleA, kScaleB})
+  for (const int k : {kBestResidual, kLastResidual, kBestReaction, kErrorScale, kScaleA, kScaleB})
     EXPECT_TRUE(same_bits(s.scalar[k], one.scalar[k])) << "scalar " << k;
 }
 
@@ -151,10 +153,15 @@ TYPED_TEST(LanesOf, AreJudgedAsAnEnvironmentIsByItself) {
         const std::vector<Real> lambda(env.lambda, env.lambda + env.n), w(env.w, env.w + env.n);
         write_solution(team, env, lanes.lanes[static_cast<std::size_t>(l)]);
         env.is_full = false;  // the long way
-        const FinalResidual alone = final_residual(team, env);
+        const auto& s = lanes.lanes[static_cast<std::size_t>(l)];
+        const FinalResidual alone =
+            final_residual(team, env, StoredRows<Real>{&env}, island_shares(s), error_scale_of(s));
         unsolved += alone.residual > 0.0 ? 1 : 0;
-        EXPECT_EQ(evaluated[static_cast<std::size_t>(l)].residual, alone.residual);
-        EXPECT_EQ(evaluated[static_cast<std::size_t>(l)].rounding_floor, alone.rounding_floor);
+        const FinalResidual& together = evaluated[static_cast<std::size_t>(l)];
+        EXPECT_EQ(together.residual, alone.residual);
+        EXPECT_EQ(together.absolute, alone.absolute);
+        EXPECT_EQ(together.rounding_floor, alone.rounding_floor);
+        EXPECT_EQ(together.reaction, alone.reaction);
         for (Index i = 0; i < env.n; ++i) {
           EXPECT_TRUE(same_bits(lambda[static_cast<std::size_t>(i)], env.lambda[i])) << "row " << i;
           EXPECT_TRUE(same_bits(w[static_cast<std::size_t>(i)], env.w[i])) << "row " << i;

@@ -34,7 +34,7 @@ struct Iterated {
       ++iterations;
     }
     write_solution(prepared.team, prepared.env, s);
-    absolute = final_residual(prepared.team, prepared.env).residual;
+    absolute = final_residual_of(prepared).residual;
   }
   double absolute = 0.0;
 

@@ -23,7 +23,7 @@ TEST(Prepare, ScalesAreThePowersOfTwoThatBringDiagonalAndRightHandSideToOne) {
   auto& s = p.system();
   EXPECT_EQ(s.scalar[kScaleA], 0.5);
   EXPECT_EQ(s.scalar[kScaleB], 1.0 / 16);
-  EXPECT_EQ(s.scalar[kNormB], 1.25);
+  EXPECT_EQ(s.scalar[kErrorScale], 1.25) << "the largest error without reactions";
   EXPECT_EQ(s.A[0], 1.5);
   EXPECT_EQ(s.A[3], 0.125);
   EXPECT_EQ(s.b[0], -1.25);
@@ -41,7 +41,10 @@ TEST(Prepare, FrictionRowsAreMultipliedByTheirMuOnBothSides) {
   EXPECT_EQ(s.block_entry(0, 1, 2), 0.125 * 0.125);
   EXPECT_EQ(s.b[1], 0.5);
   EXPECT_EQ(s.b[2], 0.25);
-  EXPECT_EQ(s.residual_weight[0], 1.0) << "the residual's weight is the mean diagonal before mu";
+  EXPECT_EQ(s.residual_weight[0], 1.0) << "what steps count as is the mean diagonal before mu";
+  EXPECT_EQ(s.press[0], 1.0);
+  EXPECT_EQ(s.axis_press[1], 0.25);
+  EXPECT_EQ(s.axis_slip[2], 16.0);
 }
 
 TEST(Prepare, DuplicatesAddUpAndComplianceJoinsTheDiagonal) {
@@ -197,7 +200,7 @@ TEST(Prepare, AWarmStartComesInProjectedOntoItsCones) {
 TEST(Prepare, WithoutARightHandSideAWarmStartIsSetAside) {
   DensePgs p(system({unilateral()}, {1}, {0}), {5});
   EXPECT_EQ(p.system().x[0], 0.0);
-  EXPECT_EQ(p.system().scalar[kNormB], 1.0);
+  EXPECT_EQ(p.system().scalar[kErrorScale], 1.0);
 }
 
 TEST(Prepare, BrokenNumbersAreFlaggedAndNothingElseIsDone) {

@@ -8,7 +8,7 @@ static void layouts(void) {
   if (sizeof(void*) != 8) return;
   STICTION_CHECK(sizeof(stiction_status) == 32 && offsetof(stiction_status, code) == 24);
   STICTION_CHECK(sizeof(stiction_warm_start_record) == 16 && sizeof(stiction_residual) == 16);
-  STICTION_CHECK(sizeof(stiction_solver_options) == 56 && offsetof(stiction_solver_options, solver) == 24);
+  STICTION_CHECK(sizeof(stiction_solver_options) == 64 && offsetof(stiction_solver_options, solver) == 24);
   STICTION_CHECK(sizeof(stiction_capacity) == 64 && offsetof(stiction_capacity, precision) == 56);
   STICTION_CHECK(sizeof(stiction_warm_start_options) == 24);
   STICTION_CHECK(sizeof(stiction_batch_view) == 264 && offsetof(stiction_batch_view, hi) == 256);
@@ -18,7 +18,7 @@ static void layouts(void) {
   STICTION_CHECK(sizeof(stiction_jacobian_view) == 256 && offsetof(stiction_jacobian_view, J) == 192);
   STICTION_CHECK(sizeof(stiction_jacobian_solution) == 40);
   STICTION_CHECK(sizeof(stiction_time_stepping) == 48);
-  STICTION_CHECK(sizeof(stiction_body_options) == 72 && offsetof(stiction_body_options, ordering) == 68);
+  STICTION_CHECK(sizeof(stiction_body_options) == 80 && offsetof(stiction_body_options, ordering) == 68);
   STICTION_CHECK(sizeof(stiction_body_view) == 160 && offsetof(stiction_body_view, restitution) == 152);
   STICTION_CHECK(sizeof(stiction_body_solution) == 40);
   STICTION_CHECK(sizeof(stiction_gradient_status) == 32 && sizeof(stiction_derivative_options) == 48);

@@ -81,7 +81,16 @@ class Lanes {
       flags.push_back(load.flags);
       if ((load.flags & ~kHarmlessFlags) == 0) taken.v[load.lane] = Real(1);
     }
-    finish_lanes(*pack, *workspace, taken > Packed(0));
+    finish_lanes(*pack, *workspace, taken > Packed(0), kLaw);
+    std::vector<const EnvView<Real>*> loaded;
+    std::vector<int> into;
+    for (const auto& load : loads)
+      if ((load.flags & ~kHarmlessFlags) == 0) {
+        loaded.push_back(load.env);
+        into.push_back(load.lane);
+      }
+    start_lanes(*pack, *workspace, lanes.data(), loaded.data(), into.data(), static_cast<int>(into.size()),
+                taken > Packed(0));
     SerialTeam team;
     update_best<Npgs, kLaw>(team, *pack, taken > Packed(0));
     return flags;

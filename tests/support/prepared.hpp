@@ -68,4 +68,11 @@ class Prepared {
 template <class Real>
 using Dense = DenseSystem<Real>;
 
+/// The final residual of the reactions in p.env.lambda.
+template <class P>
+FinalResidual final_residual_of(P& p) {
+  return final_residual(p.team, p.env, residual_rows(p.team, p.env, p.system()), island_shares(p.system()),
+                        error_scale_of(p.system()));
+}
+
 }  // namespace stiction::test

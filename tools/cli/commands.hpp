@@ -52,6 +52,7 @@ struct SolveArguments {
   std::string form = "matrix";  ///< what is solved of the file: matrix (A), jacobian (J and M), or bodies (of J and M)
   std::string islands = "together";
   std::optional<double> tolerance;
+  double absolute_tolerance = 0.0;
   std::optional<Index> max_iterations;
   double omega = 1.0;
   Index direct_rows = SolverOptions{}.direct_rows;

@@ -69,6 +69,8 @@ void declare_solve(CLI::App& app, SolveArguments& a) {
   app.add_option("--islands", a.islands, "together, or apart: every island iterates and stops by itself")
       ->capture_default_str();
   app.add_option("--tolerance", a.tolerance, "On the relative residual; 0: run all iterations [1e-4]");
+  app.add_option("--absolute-tolerance", a.absolute_tolerance, "On the largest error of a contact, in units of b")
+      ->capture_default_str();
   app.add_option("--max-iterations", a.max_iterations, "Per environment [1000]");
   app.add_option("--omega", a.omega, "Relaxation of pgs, between 0 and 2")->capture_default_str();
   app.add_option("--direct-rows", a.direct_rows, "Rows up to which a matrix is factorised, CPU only")

@@ -53,6 +53,7 @@ SolverOptions solver_options(const SolveArguments& arguments) {
   if (takes_jacobian(arguments)) options.solver = SolverKind::automatic;
   if (arguments.solver && !is_bodies(arguments)) options.solver = solver_from_string(*arguments.solver);
   options.tolerance = arguments.tolerance.value_or(options.tolerance);
+  options.absolute_tolerance = arguments.absolute_tolerance;
   options.max_iterations = arguments.max_iterations.value_or(options.max_iterations);
   options.omega = arguments.omega;
   options.direct_rows = arguments.direct_rows;
@@ -68,6 +69,7 @@ BodySolverOptions body_options(const SolveArguments& arguments, const SolverOpti
   choose_body_method(arguments.solver.value_or("newton"), arguments.preconditioner, options);
   options.law = law;
   options.tolerance = common.tolerance;
+  options.absolute_tolerance = common.absolute_tolerance;
   options.iterations = common.max_iterations;
   options.omega = common.omega;
   options.threads = common.threads;

@@ -42,7 +42,7 @@ struct AdjointHalf {
       point.y[k] = mu * array(workspace.motion)[slot.row + k];
       point.R[k] = mu * mu * number(workspace.R, slot.row + k);
     }
-    point.a = array(workspace.weight)[s];
+    point.a = part.mean_diagonal(slot);
     const auto slope = reaction_slope(point, tie);
     const auto has = number(workspace.marks(), slot.row) >= Double(0);
     const Doubles of_cone = array(workspace.slope_of_cone);
@@ -59,7 +59,7 @@ struct AdjointHalf {
   }
 
   STICTION_HD void find_row_slope(const SlotOf<Types>& slot, Index s, Double tie, ModeCounts& found) const {
-    const Double a = array(workspace.weight)[s], mark = number(workspace.marks(), slot.row);
+    const Double a = part.mean_diagonal(slot), mark = number(workspace.marks(), slot.row);
     const Double z = a * number(workspace.x, slot.row) - array(workspace.motion)[slot.row];
     const auto mode =
         row_mode(z, a, number(workspace.law, 3 * s + 1), number(workspace.law, 3 * s + 2), mark > Double(0), tie);

@@ -86,7 +86,10 @@ class AdjointPack {
     const DoublePack<Types>& part = half.part;
     auto definite = part.factor_mass();
     part.find_diagonal();
-    const Double scale = whole_scale(part.first, part.find_scale());
+    const Double error_scale = part.find_scale(Law::convex);
+    Double largest(0);  // |b|
+    for (Index row = 0; row < counts_.rows; ++row) largest = max_(abs_(part.array(workspace_.motion)[row]), largest);
+    const Double scale = whole_scale(part.first, max_(largest, Double(1e-300)));
     const auto evaluated = part.evaluate(Law::convex);
     // Behind an evaluation scratch has M^-1 J' x.
     for (int l = 0; l < Types::kDoubleLanes; ++l) write_moved(part.first + l);
@@ -94,7 +97,9 @@ class AdjointPack {
     definite = and_(definite, half.factor_system());
     for (int l = 0; l < Types::kDoubleLanes; ++l) {
       AdjointResult& lane = lanes_[part.first + l];
-      lane.forward_residual = div_(sqrt_(lane_of(evaluated.square, l)), lane_of(scale, l));
+      lane.forward_residual =
+          div_(div_(sqrt_(lane_of(evaluated.square, l)), lane_of(part.array(workspace_.error_unit)[0], l)),
+               max_(lane_of(error_scale, l), 1e-300));
       lane.unknowns = static_cast<Index>(lane_of(found.unknowns, l));
       lane.degenerate = static_cast<Index>(lane_of(found.degenerate, l));
       lane.is_answered = lane.is_answered && is_set(definite, l) &&

@@ -56,12 +56,20 @@ STICTION_HD auto cone_point(Shape, const EnvView<Real>& env, const Rows& rows, c
   return point;
 }
 
-/// The square of the natural map of a cone.
-template <class Shape, int M>
-STICTION_HD double cone_residual(Shape shape, const ModePoint<M>& point, Law law) {
-  if (law == Law::coulomb)
-    return natural_map_square<Law::coulomb>(shape, point.x, point.y, point.a, point.lo, point.hi);
-  return natural_map_square<Law::convex>(shape, point.x, point.y, point.a, point.lo, point.hi);
+/// The error scale of a cone alone, in units of 1 / unit: what it has at b.
+template <class Real, class Rows>
+STICTION_HD double cone_error_at_rest(const EnvView<Real>& env, const Rows& rows, Index cone, double unit) {
+  LargestResidual<double> own;
+  double largest = 0.0;
+  add_cone<false>(
+      env, rows, cone, 1.0, unit,
+      [&](Index i) {
+        const double b = static_cast<double>(env.b[i]);
+        largest = max_(abs_(b * unit), largest);
+        return b;
+      },
+      [](Index) { return 0.0; }, own);
+  return max_(sqrt_(own.square), static_cast<double>(kIdleShare) * largest);
 }
 
 /// Writes a cone's directions where its rows are; its number of unknowns goes to `first`, to be scanned.
@@ -145,19 +153,25 @@ STICTION_HD ModesFound find_modes_at_motion(TeamT& team, const EnvView<Real>& en
   const double scale = max_over<double>(team, env.n, [&](Index i) { return abs_(static_cast<double>(env.b[i])); });
   const double tie = job.tie_tolerance * scale;
   std::uint32_t flags = answer_flags(env, job, index);
-  double largest = 0.0;
+  const double unit = error_unit(scale);
+  LargestResidual<double> largest;
+  double at_rest = 0.0;
   for_each(team, env.cone_count, [&](Index cone) {
     const Index first = env.cone_row(cone);
     if (env.kind[cone] >= ConeKind::box_friction) flags |= kGradientInvalidInput;
     with_shape(env.kind[cone], env.cone_size(cone), [&](auto shape) {
       const auto point = cone_point(shape, env, rows, lambda, s.w, cone, flags);
-      largest = max_(cone_residual(shape, point, job.law), largest);
+      add_cone<false>(
+          env, rows, cone, 1.0, unit, [&](Index i) { return s.w[i]; },
+          [&](Index i) { return static_cast<double>(lambda[i]); }, largest);
+      at_rest = max_(cone_error_at_rest(env, rows, cone, unit), at_rest);
       const auto found = cone_directions(shape, point, job.law, tie);
       write_directions(env, s, cone, first, found);
     });
   });
   ModesFound result;
-  result.forward_residual = div_(sqrt_(team.max(largest)), max_(scale, 1e-300));
+  // Over the largest island's scale: where islands differ the solve has judged each by its own.
+  result.forward_residual = div_(sqrt_(team.max(largest.square)), max_(team.max(at_rest), 1e-300));
   if (!(result.forward_residual <= job.residual_limit)) flags |= kGradientUnconverged;
   result.unknowns = scan_unknowns(team, s.first, env.cone_count, s.parts);
   result.degenerate = count_degenerate(team, s, env.cone_count);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "core/algorithm/load/islands.hpp"
 #include "core/algorithm/load/load_system.hpp"
 #include "core/algorithm/problem/stop_rule.hpp"
 #include "core/algorithm/residual/final_residual.hpp"
@@ -54,10 +55,12 @@ STICTION_HD_SHARED void write_solution(TeamT& team, const EnvView<Real>& env, co
   const Real unscale = div_(s.scalar[kScaleA], s.scalar[kScaleB]);
   for_each_slot(team, env, s, [&](Index cone, ConeSlot slot) {
     const Index first = env.cone_row(cone);
+    const bool needs_nothing = s.island[slot.cone] == Real(kIdleIsland);
     for (Index k = 0; k < env.cone_size(cone); ++k) {
       const Index i = env.row_of(first, env.cone_size(cone), k);
       const Real scale = row_scale(env, env.kind[cone], k, i);
       env.lambda[i] = canonical_zero((s.best[slot.row + k] * scale) * unscale);
+      if (needs_nothing) env.lambda[i] = Real(0);
     }
   });
 }
@@ -81,6 +84,29 @@ template <class Real>
 STICTION_HD bool is_within(Real residual, double tolerance) {
   return static_cast<double>(residual) <= tolerance;
 }
+template <class Real>
+STICTION_HD bool exceeds(Real a, double b) {
+  return static_cast<double>(a) > b;
+}
+template <class Real>
+STICTION_HD bool exceeds(double a, Real b) {
+  return a > static_cast<double>(b);
+}
+STICTION_HD bool exceeds(double a, double b) {
+  return a > b;
+}
+
+/// Whether the best iterate may be an answer: its estimate is within the tolerance, or roundings of its reactions are
+/// more than that and all that is left.
+template <class Real, class System, class Tolerance>
+STICTION_HD Mask<Real> is_proposed(const System& s, const Limits<Tolerance, Counts<Real>>& rule, Real best) {
+  const Real rounding = Real(static_cast<Scalar<Real>>(kUnitRoundoff<Real>)) * s.scalar[kBestReaction];
+  const auto is_rounded = and_(best <= Real(static_cast<Scalar<Real>>(kRoundingReach)) * rounding,
+                               and_(exceeds(rounding, rule.tolerance), exceeds(rule.tolerance, Real(0))));
+  const Real absolute = best * div_(s.scalar[kErrorScale], s.scalar[kScaleB]);
+  return or_(or_(is_within(best, rule.tolerance), is_rounded),
+             and_(is_within(absolute, rule.absolute), exceeds(rule.absolute, Real(0))));
+}
 
 /// Updates the best iterate so far and tells whether anything is to be done.
 template <class Real, class System, class Tolerance>
@@ -97,7 +123,7 @@ STICTION_HD Poll<Mask<Real>> poll_progress(const System& s, const Limits<Toleran
   poll.stopped = s.scalar[kOutcome] != Real(kRunning);
   poll.ended =
       or_(or_(poll.broken, poll.stalled), or_(poll.stopped, of_reals<Real>(search.iterations >= rule.max_iterations)));
-  poll.has_candidate = and_(is_within(best, rule.tolerance), best != search.verified);
+  poll.has_candidate = and_(is_proposed<Real>(s, rule, best), best != search.verified);
   return poll;
 }
 
@@ -106,21 +132,24 @@ STICTION_HD bool is_collapsed(double relative) {
   return !(relative <= kWorseThanNothing);
 }
 
-/// True when the environment is finished with an answer of that residual, and then its status is written. `best`: the
+/// True when the environment is finished with an answer of that verdict, and then its status is written. `best`: the
 /// estimate of the candidate.
 template <class Method, Team TeamT, class Real>
-STICTION_HD bool finalize(TeamT& team, const EnvView<Real>& env, const StopRule& rule, const EnvPoll& poll, Real best,
-                          double absolute, double scale, EnvProgress<Real>& progress) {
-  const double relative = div_(absolute, scale);
-  const bool solved = finite_(relative) && relative <= rule.tolerance;
+STICTION_HD bool finalize(TeamT& team, const EnvView<Real>& env, const EnvPoll& poll, Real best,
+                          const Verdict& verdict, EnvProgress<Real>& progress) {
   progress.verified = best;
-  if (!solved && !poll.ended) return false;
-  const EnvCode code = solved                         ? EnvCode::solved
-                       : poll.broken                  ? EnvCode::numerical
-                       : poll.stalled || poll.stopped ? EnvCode::stalled
-                                                      : EnvCode::max_iterations;
-  write_status(team, env, code, Method::kKind, progress.flags, progress.iterations, relative, absolute);
+  if (!verdict.is_final() && !poll.ended) return false;
+  const EnvCode code = verdict.code(poll.broken                    ? EnvCode::numerical
+                                    : poll.stalled || poll.stopped ? EnvCode::stalled
+                                                                   : EnvCode::max_iterations);
+  write_status(team, env, code, Method::kKind, progress.flags, progress.iterations, verdict.relative,
+               verdict.absolute);
   return true;
+}
+
+/// What an environment's answer is held against.
+STICTION_HD Allowance allowance(const StopRule& rule) {
+  return {rule.tolerance, rule.absolute};
 }
 
 /// True when the environment is finished, and then its answer and status are written. The estimate the iteration works
@@ -131,25 +160,26 @@ STICTION_HD_OUTLINE bool evaluate_candidate(TeamT& team, const EnvView<Real>& en
                                             const StopRule& rule, const EnvPoll& poll, EnvProgress<Real>& progress) {
   const Real best = s.scalar[kBestResidual];
   write_solution(team, env, s);
-  const double scale = residual_scale(team, env);
-  const double allowed = rule.tolerance * scale;
+  const ErrorScale scale = error_scale_of(s);
   constexpr bool kMatrices = kTakesSemidefinite<Method> && kMayHaveSemidefinite<System>;
   const auto evaluate = [&] {
-    return reported_residual(final_residual<kMatrices>(team, env, residual_rows(team, env, s)), allowed);
+    return judge<Real>(
+        final_residual<kMatrices>(team, env, residual_rows(team, env, s), island_shares(s), scale), scale.largest,
+        allowance(rule));
   };
-  double absolute = evaluate();
-  if (poll.ended && is_collapsed(div_(absolute, scale))) {
+  Verdict verdict = evaluate();
+  if (poll.ended && is_collapsed(verdict.relative)) {
     // Not one iterate had an answer of any use in the batch's units: zero always does.
     for_each(team, env.n, [&](Index i) { env.lambda[i] = 0; });
-    const double of_nothing = evaluate();
-    if (finite_(div_(absolute, scale)) && !(of_nothing < absolute)) {
+    const Verdict of_nothing = evaluate();
+    if (finite_(verdict.relative) && !(of_nothing.relative < verdict.relative)) {
       write_solution(team, env, s);
-      absolute = evaluate();
+      verdict = evaluate();
     } else {
-      absolute = of_nothing;
+      verdict = of_nothing;
     }
   }
-  return finalize<Method>(team, env, rule, poll, best, absolute, scale, progress);
+  return finalize<Method>(team, env, poll, best, verdict, progress);
 }
 
 /// Checks an environment between chunks: true when it is finished.

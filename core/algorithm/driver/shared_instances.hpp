@@ -21,10 +21,10 @@
   STICTION_SHARED_RECORDS(kind, BlockType, false, __VA_ARGS__)
 
 #define STICTION_SHARED_BODIES_OF(kind, BlockType, Real)                                                        \
-  kind template FinalResidual final_residual<false>(BlockType&, const EnvView<Real>&, const StoredRows<Real>&); \
-  kind template FinalResidual final_residual<false>(BlockType&, const EnvView<Real>&, const FactorRows<Real>&); \
-  kind template FinalResidual final_residual<true>(BlockType&, const EnvView<Real>&, const StoredRows<Real>&);  \
-  kind template FinalResidual final_residual<true>(BlockType&, const EnvView<Real>&, const FactorRows<Real>&);  \
+  kind template FinalResidual final_residual<false>(BlockType&, const EnvView<Real>&, const StoredRows<Real>&, const IslandShares<Real>&, const ErrorScale&); \
+  kind template FinalResidual final_residual<false>(BlockType&, const EnvView<Real>&, const FactorRows<Real>&, const IslandShares<Real>&, const ErrorScale&); \
+  kind template FinalResidual final_residual<true>(BlockType&, const EnvView<Real>&, const StoredRows<Real>&, const IslandShares<Real>&, const ErrorScale&);  \
+  kind template FinalResidual final_residual<true>(BlockType&, const EnvView<Real>&, const FactorRows<Real>&, const IslandShares<Real>&, const ErrorScale&);  \
   STICTION_SHARED_RECORDS(kind, BlockType, true, SparseSystem<Real>)                                            \
   STICTION_SHARED_RECORDS(kind, BlockType, true, FactorSystem<Real>)                                            \
   STICTION_SHARED_WITH_SYSTEM(kind, BlockType, Real, DenseSystem<Real, 1>)                                      \

@@ -2,6 +2,7 @@
 
 #include "core/algorithm/load/assemble.hpp"
 #include "core/algorithm/load/asymmetry.hpp"
+#include "core/algorithm/load/islands.hpp"
 #include "core/algorithm/load/step_sizes.hpp"
 
 /// From the batch's arrays to a system in the solver's coordinates, one lane at a time.
@@ -60,7 +61,8 @@ template <class Real, class System>
 STICTION_HD void start_scalars(System& s, const Inspection<Real>& seen) {
   const Real scale_b = unit_scale(seen.largest_b);
   s.scalar[kBestResidual] = s.scalar[kLastResidual] = static_cast<Real>(__builtin_huge_valf());
-  s.scalar[kNormB] = seen.largest_b > Real(0) ? seen.largest_b * scale_b : Real(1);
+  s.scalar[kBestReaction] = Real(0);
+  s.scalar[kErrorScale] = Real(1);
   s.scalar[kScaleA] = matrix_scale(s, seen.largest_diagonal);
   s.scalar[kScaleB] = scale_b;
   s.scalar[kOutcome] = Real(kRunning);
@@ -71,7 +73,7 @@ STICTION_HD void start_scalars(System& s, const Inspection<Real>& seen) {
 template <Team TeamT, class Real, class System>
 STICTION_HD_SHARED std::uint32_t load_system(TeamT& team, const EnvView<Real>& env, System& s, LoadRules rules) {
   for_each(team, s.cones, [&](Index c) {
-    s.residual_weight[c] = s.inv_n[c] = s.inv_t[c] = s.inv_cone[c] = s.damping[c] = s.share[c] = s.lo[c] = s.hi[c] = 0;
+    s.residual_weight[c] = s.press[c] = s.island[c] = s.shares[c] = s.inv_n[c] = s.inv_t[c] = s.inv_cone[c] = s.damping[c] = s.share[c] = s.lo[c] = s.hi[c] = 0;
   });
   const Inspection<Real> seen = inspect(team, env, s);
   std::uint32_t flags = rules.takes_any_diagonal ? seen.flags & ~kFlagBadDiagonal : seen.flags;
@@ -79,7 +81,7 @@ STICTION_HD_SHARED std::uint32_t load_system(TeamT& team, const EnvView<Real>& e
   single(team, [&] { start_scalars(s, seen); });
   const LoadScales<Real> scales = load_scales(s);
   assemble(team, env, s, scales.a);
-  for_each(team, s.n, [&](Index i) { s.b[i] = s.x[i] = s.best[i] = 0; });
+  for_each(team, s.n, [&](Index i) { s.b[i] = s.x[i] = s.best[i] = s.axis_press[i] = s.axis_slip[i] = 0; });
   const bool warm = takes_warm_start(env, seen);
   for_each_slot(team, env, s, [&](Index cone, ConeSlot slot) {
     const Index first = env.cone_row(cone);
@@ -88,13 +90,17 @@ STICTION_HD_SHARED std::uint32_t load_system(TeamT& team, const EnvView<Real>& e
       load_row(env, s, cone, slot, k, env.row_of(first, size, k));
       if (!warm) s.x[slot.row + k] = 0;
     }
-    with_shape(env.kind[cone], size, [&](auto shape) { finish_cone(shape, s, slot.cone, slot.row, scales, true); });
+    with_shape(env.kind[cone], size, [&](auto shape) {
+      const bool is_matrix = kMayHaveSemidefinite<System> && env.kind[cone] == ConeKind::semidefinite;
+      finish_cone(shape, s, slot.cone, slot.row, scales, true, env.law, is_matrix);
+    });
     // Methods that take matrices project the guess themselves.
     if constexpr (kMayHaveSemidefinite<System>) {
       if (warm && env.kind[cone] == ConeKind::semidefinite)
         for (Index k = 0; k < size; ++k) s.x[slot.row + k] = env.warm_start[first + k] * scales.x;
     }
   });
+  weigh_islands(team, env, s);
   if (rules.needs_symmetry && asymmetry(team, s) > Real(kLargestAsymmetry)) return flags | kFlagAsymmetric;
   return flags;
 }

@@ -77,12 +77,31 @@ STICTION_HD auto block_metric(const System& s, Index row, typename System::Real 
   return BlockMetric<Real>{div_(Real(1), Real(1) + rho), select(sum > Real(0), div_(inv_n, sum), Real(0))};
 }
 
+/// Error of a cone that has no reaction, at least kIdleShare of its largest |b|: what its island's scale is made of. `y`
+/// is b in the coordinates of the unit cone, `largest` that |b|. `is_matrix`: it is one of semidefinite.
+template <class Shape, class Real, int M>
+STICTION_HD Real error_without_reaction(Shape shape, const Real (&y)[M], const ConeMetric<Real, M>& metric, Real lo,
+                                        Real hi, Law law, bool is_matrix, Real largest) {
+  Real none[M];
+  for (int k = 0; k < M; ++k) none[k] = Real(0);
+  Real square;
+  if (is_matrix) {
+    square = Real(0);
+    if constexpr (kMayBeMatrix<Shape>) square = semidefinite_error_square(none, y, Real(0));
+  } else if (law == Law::coulomb) {
+    square = law_error_square<Law::coulomb>(shape, none, y, metric, lo, hi);
+  } else {
+    square = law_error_square<Law::convex>(shape, none, y, metric, lo, hi);
+  }
+  return max_(sqrt_(square), Real(kIdleShare) * largest);
+}
+
 /// Works in the lanes of `due`. It turns what load_row() has put there into the solver's units. It takes step lengths
 /// from the cone's rows of A, which are in place and scaled. It moves the guess into the cone. residual_weight holds
 /// the sum of the cone's diagonal.
 template <class Shape, class System>
 STICTION_HD void finish_cone(Shape shape, System& s, Index cone, Index row,
-                             const LoadScales<typename System::Real>& scales, Mask<typename System::Real> due) {
+                             const LoadScales<typename System::Real>& scales, Mask<typename System::Real> due, Law law, bool is_matrix) {
   using Real = typename System::Real;
   constexpr int kRows = Shape::kRows;
   const auto put = [due](Real& to, Real value) { to = select(due, value, to); };
@@ -113,12 +132,26 @@ STICTION_HD void finish_cone(Shape shape, System& s, Index cone, Index row,
   }
   Real z[kRows];
   Real still[kRows];
+  Real y[kRows];
+  ConeMetric<Real, kRows> metric;
+  metric.a = max_(s.block_entry(row, 0, 0), Real(0));
+  Real largest(0);
   for (int k = 0; k < kRows; ++k) {
     const Real scale = s.best[row + k];
-    put(s.b[row + k], (s.b[row + k] * scales.b) * scale);
+    const Real b = s.b[row + k] * scales.b;
+    largest = max_(abs_(b), largest);
+    y[k] = b * scale;
+    put(s.b[row + k], y[k]);
+    const auto weights = unit_axis_weights(metric.a, s.block_entry(row, k, k), scale);
+    metric.press[k] = weights.press;
+    metric.slip[k] = weights.slip;
+    put(s.axis_press[row + k], weights.press);
+    put(s.axis_slip[row + k], weights.slip);
     z[k] = select(scale > Real(0), div_(s.x[row + k] * scales.x, scale), Real(0));
     still[k] = Real(0);
   }
+  put(s.press[cone], metric.a);
+  put(s.island[cone], error_without_reaction(shape, y, metric, s.lo[cone], s.hi[cone], law, is_matrix, largest));
   Real x[kRows];
   for (int k = 0; k < kRows; ++k) x[k] = z[k];
   proximal_point<Law::convex>(shape, x, still, Real(0), s.lo[cone], s.hi[cone]);

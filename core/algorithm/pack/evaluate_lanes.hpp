@@ -46,35 +46,49 @@ void write_lane(const EnvView<Real>& env, const PackWorkspace<Real, W>& workspac
     workspace.motion[Offset{r} * W + lane] = batch_row[r] < 0 ? 0.0 : workspace.moved[batch_row[r]];
 }
 
-/// Natural maps and what roundings hide of them in some lanes, from `first` on.
+/// Errors in some lanes, from `first` on. `units`: ErrorScale's of every lane.
 template <Law kLaw, class Real, int W>
-void evaluate_lanes_from(int first, const ConeCounts& slots, const PackWorkspace<Real, W>& workspace,
-                         FinalResidual* evaluated) {
+void evaluate_lanes_from(int first, const DenseSystem<Pack<Real, W>>& pack, const PackWorkspace<Real, W>& workspace,
+                         const double (&units)[W], FinalResidual* evaluated) {
   using Wide = Pack<double, kWideLanes<Real, W>>;
   const auto wide = [first](const Pack<Real, W>& lanes) { return widened(lanes, first); };
+  const auto number = [first](const double* numbers, Index i) {
+    Wide value;
+    load_lanes(numbers + Offset{i} * W + first, value);
+    return value;
+  };
+  Wide unit;
+  load_lanes(units + first, unit);
   LargestResidual<Wide> largest;
-  for_each_segment(slots, [&](auto shape, Index count, Index first_cone, Index first_row) {
+  for_each_segment(pack.counts, [&](auto shape, Index count, Index first_cone, Index first_row) {
     constexpr int kRows = decltype(shape)::kRows;
     for (Index c = 0; c < count; ++c) {
       const Index cone = first_cone + c;
       Wide x[kRows];
       Wide y[kRows];
+      ConeMetric<Wide, kRows> metric;
+      metric.a = number(workspace.press, cone);
       for (int k = 0; k < kRows; ++k) {
         const Index row = first_row + c * kRows + k;
         x[k] = wide(workspace.lambda[row]);
-        load_lanes(workspace.motion + Offset{row} * W + first, y[k]);
+        y[k] = number(workspace.motion, row);
+        metric.press[k] = metric.slip[k] = Wide(1.0);
         if (k == 0) continue;  // mu is 1, or the slot empty and both are 0
+        metric.press[k] = number(workspace.axis_press, row);
+        metric.slip[k] = number(workspace.axis_slip, row);
         const Wide mu = wide(workspace.scale[row]);
         x[k] = unit_reaction(x[k], mu);
         y[k] = mu * y[k];
       }
-      Wide a;
-      load_lanes(workspace.weight + Offset{cone} * W + first, a);
-      largest.template add<kLaw>(shape, x, y, a, wide(workspace.lo[cone]), wide(workspace.hi[cone]));
+      largest.template add<kLaw>(shape, x, y, metric, wide(workspace.lo[cone]), wide(workspace.hi[cone]),
+                                 wide(workspace.share[cone]), unit);
     }
   });
-  const Wide residual = sqrt_(largest.square);
-  for (int l = 0; l < kWideLanes<Real, W>; ++l) evaluated[first + l] = {residual.v[l], largest.rounding_floor.v[l]};
+  const auto rooted = [unit](const Wide& square) { return div_(sqrt_(square), unit); };
+  const Wide residual = rooted(largest.square), stuck = rooted(largest.stuck), absolute = rooted(largest.plain);
+  const Wide floor = div_(Wide(0x1p-53) * sqrt_(largest.size), unit), reaction = rooted(largest.reaction);
+  for (int l = 0; l < kWideLanes<Real, W>; ++l)
+    evaluated[first + l] = {residual.v[l], stuck.v[l], absolute.v[l], floor.v[l], reaction.v[l]};
 }
 
 /// Writes the best iterates of the `count` lanes in `asked`, whose environments are envs[lane], and evaluates them.
@@ -87,6 +101,25 @@ STICTION_HD_SHARED void evaluate_lanes(const DenseSystem<Pack<Real, W>>& pack, c
   const Lanes unscale = div_(pack.scalar[kScaleA], pack.scalar[kScaleB]);
   for (Index r = 0; r < pack.n; ++r)
     workspace.lambda[r] = canonical_zero((pack.best[r] * workspace.scale[r]) * unscale);
+  for_each_segment(pack.counts, [&](auto shape, Index slots, Index first_cone, Index first_row) {
+    constexpr int kRows = decltype(shape)::kRows;
+    for (Index c = 0; c < slots; ++c) {
+      const auto needs_nothing = pack.island[first_cone + c] == Lanes(static_cast<Real>(kIdleIsland));
+      if (!any(needs_nothing)) continue;
+      for (int k = 0; k < kRows; ++k) {
+        Lanes& lambda = workspace.lambda[first_row + c * kRows + k];
+        lambda = select(needs_nothing, Lanes(0), lambda);
+      }
+    }
+  });
+  double units[W];
+  for (int l = 0; l < W; ++l) units[l] = 1.0;
+  for (int k = 0; k < count; ++k) {
+    const int l = asked[k];
+    units[l] = error_scale(div_(static_cast<double>(pack.scalar[kErrorScale].v[l]),
+                                static_cast<double>(pack.scalar[kScaleB].v[l])))
+                   .unit;
+  }
   bool is_asked[W] = {};
   for (int k = 0; k < count; ++k) {
     write_lane(*envs[asked[k]], workspace, asked[k]);
@@ -95,19 +128,19 @@ STICTION_HD_SHARED void evaluate_lanes(const DenseSystem<Pack<Real, W>>& pack, c
   for (int first = 0; first < W; first += kWide) {
     bool any_here = false;
     for (int l = first; l < first + kWide; ++l) any_here = any_here || is_asked[l];
-    if (any_here) evaluate_lanes_from<kLaw>(first, pack.counts, workspace, evaluated);
+    if (any_here) evaluate_lanes_from<kLaw>(first, pack, workspace, units, evaluated);
   }
 }
 
-/// check_convergence() of one lane of `asked`, with what evaluate_lanes() has found. `scale`: residual_scale(). An
-/// answer worth less than none goes the way of a single environment.
+/// check_convergence() of one lane of `asked`, with what evaluate_lanes() has found. An answer worth less than none goes
+/// the way of a single environment.
 template <class Method, Team TeamT, class Real, class System>
 bool check_evaluated(TeamT& team, const EnvView<Real>& env, const System& s, const StopRule& rule, const EnvPoll& poll,
-                     const FinalResidual& evaluated, double scale, EnvProgress<Real>& progress) {
-  const double absolute = reported_residual(evaluated, rule.tolerance * scale);
-  if (poll.ended && is_collapsed(div_(absolute, scale)))
+                     const FinalResidual& evaluated, EnvProgress<Real>& progress) {
+  const Verdict verdict = judge<Real>(evaluated, error_scale_of(s).largest, allowance(rule));
+  if (poll.ended && is_collapsed(verdict.relative))
     return evaluate_candidate<Method>(team, env, s, rule, poll, progress);
-  return finalize<Method>(team, env, rule, poll, s.scalar[kBestResidual], absolute, scale, progress);
+  return finalize<Method>(team, env, poll, s.scalar[kBestResidual], verdict, progress);
 }
 
 }  // namespace stiction::inline STICTION_ISA

@@ -11,6 +11,11 @@ PackMask<T, W> is_within(Pack<T, W> residual, Pack<T, W> tolerance) {
   return residual <= tolerance;
 }
 
+template <class T, int W>
+PackMask<T, W> exceeds(Pack<T, W> a, Pack<T, W> b) {
+  return a > b;
+}
+
 /// The largest Real not above a tolerance >= 0: a Real is within the one if and only if it is within the other.
 inline double rounded_down(double tolerance, double) {
   return tolerance;
@@ -34,6 +39,7 @@ struct LaneSearch {
     search.best.v[lane] = fresh.best;
     search.verified.v[lane] = fresh.verified;
     limits.tolerance.v[lane] = rounded_down(rule.tolerance, Real());
+    limits.absolute.v[lane] = rounded_down(rule.absolute, Real());
     limits.max_iterations.v[lane] = rule.max_iterations;
     limits.stall_window.v[lane] = rule.stall_window;
   }

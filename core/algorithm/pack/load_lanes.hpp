@@ -211,33 +211,41 @@ Mask<Lanes> asymmetric_lanes(const DenseSystem<Lanes>& pack) {
   return and_(largest > Lanes(0), div_(difference, largest) > Lanes(kLargestAsymmetry));
 }
 
-/// What the final residual needs and no iteration changes, in the lanes being loaded: the weight of each cone,
-/// from the diagonal in double.
+/// What the final residual needs and no iteration changes, in the lanes being loaded: the metric of each cone, from the
+/// diagonal in double.
 template <class Real, int W>
 void weigh_cones(const ConeCounts& slots, const PackWorkspace<Real, W>& workspace, const Pack<Real, W>& loading_mark) {
   using Wide = Pack<double, kWideLanes<Real, W>>;
   for (int first = 0; first < W; first += kWideLanes<Real, W>) {
     const auto loading = widened(loading_mark, first) > Wide(0.0);
+    const auto put = [&](double* numbers, Index i, const Wide& value) {
+      double* const to = numbers + Offset{i} * W + first;
+      Wide old;
+      load_lanes(to, old);
+      store_lanes(to, select(loading, value, old));
+    };
     for_each_segment(slots, [&](auto shape, Index count, Index first_cone, Index first_row) {
       constexpr int kRows = decltype(shape)::kRows;
       for (Index c = 0; c < count; ++c) {
-        Wide diagonal_sum(0.0);
+        Wide a(0.0);
         for (int k = 0; k < kRows; ++k) {
           const Index row = first_row + c * kRows + k;
-          diagonal_sum =
-              diagonal_sum + (widened(workspace.compliance[row], first) + widened(workspace.entry[row], first));
+          const Wide d = widened(workspace.compliance[row], first) + widened(workspace.entry[row], first);
+          if (k == 0) {
+            a = max_(d, Wide(0.0));
+            continue;
+          }
+          const auto weights = axis_weights(a, d, widened(workspace.scale[row], first));
+          put(workspace.axis_press, row, weights.press);
+          put(workspace.axis_slip, row, weights.slip);
         }
-        double* const weight = workspace.weight + Offset{first_cone + c} * W + first;
-        Wide old;
-        load_lanes(weight, old);
-        const Wide mean = kRows == 1 ? diagonal_sum : div_(diagonal_sum, Wide(static_cast<double>(kRows)));
-        store_lanes(weight, select(loading, residual_weight(mean), old));
+        put(workspace.press, first_cone + c, a);
       }
     });
   }
 }
 
-/// Weights of the cones in one lane, whose rows may have more than one entry on the diagonal, or none.
+/// Metrics of the cones in one lane, whose rows may have more than one entry on the diagonal, or none.
 template <class Real, int W>
 void weigh_cones_of(const EnvView<Real>& env, const ConeCounts& slots, const PackWorkspace<Real, W>& workspace,
                     int lane) {
@@ -245,13 +253,20 @@ void weigh_cones_of(const EnvView<Real>& env, const ConeCounts& slots, const Pac
   for_each_segment(slots, [&](auto shape, Index count, Index first_cone, Index first_row) {
     constexpr int kRows = decltype(shape)::kRows;
     for (Index c = 0; c < count; ++c) {
-      double diagonal_sum = 0.0;
+      double a = 0.0;
       for (int k = 0; k < kRows; ++k) {
-        const Index i = batch_row[first_row + c * kRows + k];
-        if (i >= 0) diagonal_sum = diagonal_sum + row_diagonal(env, i, static_cast<double>(env.R[i]));
+        const Index row = first_row + c * kRows + k, i = batch_row[row];
+        if (i < 0) continue;
+        const double d = row_diagonal(env, i, static_cast<double>(env.R[i]));
+        if (k == 0) {
+          a = max_(d, 0.0);
+          continue;
+        }
+        const auto weights = axis_weights(a, d, static_cast<double>(workspace.scale[row].v[lane]));
+        workspace.axis_press[Offset{row} * W + lane] = weights.press;
+        workspace.axis_slip[Offset{row} * W + lane] = weights.slip;
       }
-      workspace.weight[Offset{first_cone + c} * W + lane] =
-          residual_weight(div_(diagonal_sum, static_cast<double>(kRows)));
+      workspace.press[Offset{first_cone + c} * W + lane] = a;
     }
   });
 }
@@ -322,15 +337,31 @@ STICTION_HD_SHARED void load_lanes_of(const DenseSystem<Pack<Real, W>>& pack, co
   }
 }
 
-/// What is left to do for the environments in the lanes of `loading`, but for the record of their first iterates.
+/// The systems of the lanes of `loading`, but for what their islands tell.
 template <class Real, int W>
 STICTION_HD_SHARED void finish_lanes(DenseSystem<Pack<Real, W>>& pack, const PackWorkspace<Real, W>& workspace,
-                                     Mask<Pack<Real, W>> loading) {
+                                     Mask<Pack<Real, W>> loading, Law law) {
   SerialTeam team;
   const auto scales = load_scales(pack);
   for (Index r = 0; r < pack.n; ++r) pack.best[r] = select(loading, workspace.scale[r], pack.best[r]);
-  pack.for_each_cone(team,
-                     [&](auto shape, Index cone, Index row) { finish_cone(shape, pack, cone, row, scales, loading); });
+  pack.for_each_cone(team, [&](auto shape, Index cone, Index row) {
+    finish_cone(shape, pack, cone, row, scales, loading, law, false);
+  });
+}
+
+/// What is left to do for them, but for the record of their first iterates. The lanes' islands are weighed.
+template <class Real, int W>
+STICTION_HD_SHARED void start_lanes(DenseSystem<Pack<Real, W>>& pack, const PackWorkspace<Real, W>& workspace,
+                                    const DenseSystem<Real, W>* lanes, const EnvView<Real>* const* envs,
+                                    const int* loaded, int count, Mask<Pack<Real, W>> loading) {
+  SerialTeam team;
+  for (int k = 0; k < count; ++k) {
+    DenseSystem<Real, W> s = lanes[loaded[k]];
+    weigh_islands(team, *envs[k], s);
+    const auto share = PackWorkspace<Real, W>::lane_of(workspace.share, loaded[k]);
+    for (Index c = 0; c < s.cones; ++c) share[c] = Real(0);
+    for_each_slot(team, *envs[k], s, [&](Index cone, ConeSlot slot) { share[slot.cone] = s.shares[cone]; });
+  }
   refresh_motion(team, pack, loading);
   for_each(team, pack.n, [&](Index i) { pack.best[i] = select(loading, pack.x[i], pack.best[i]); });
 }

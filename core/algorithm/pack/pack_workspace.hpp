@@ -29,7 +29,10 @@ struct PackWorkspace {
   Lanes* scale;      ///< what that row is multiplied by, 0: there is none       (n)
   Lanes* lo;         ///< bounds of box cones in the batch's units               (cones)
   Lanes* hi;         ///<                                                        (cones)
-  double* weight;    ///< of each cone in the final residual                     (cones; W)
+  Lanes* share;       ///< of each cone's island, as in SystemArrays::shares      (cones)
+  double* press;      ///< ConeMetric, in double: a of each cone                  (cones; W)
+  double* axis_press; ///< and its weights of rows                                (n; W)
+  double* axis_slip;  ///<                                                        (n; W)
   // While environments enter.
   Lanes* compliance;  ///< R in the batch's units                                (n)
   Lanes* entry;       ///< diagonal of A there, 0 where a row has a column twice (n)
@@ -51,7 +54,7 @@ struct PackWorkspace {
   Index tail_length;
 
   static constexpr Offset elements(Offset n, Offset cones) {
-    return W * (n * n + (11 + 3 * kDouble) * n + (2 + kDouble) * cones + tail_of(n) + kLine + kFour * kDouble);
+    return W * (n * n + (11 + 5 * kDouble) * n + (3 + kDouble) * cones + tail_of(n) + kLine + kFour * kDouble);
   }
 
   PackWorkspace(Real* memory, Index rows, Index cones) : n(rows), tail_length(static_cast<Index>(tail_of(rows))) {
@@ -62,8 +65,9 @@ struct PackWorkspace {
     };
     for (Lanes** part : {&scale, &compliance, &entry, &diagonal, &present, &factor, &lambda})
       *part = reinterpret_cast<Lanes*>(take(n));
-    for (Lanes** part : {&lo, &hi}) *part = reinterpret_cast<Lanes*>(take(cones));
-    weight = reinterpret_cast<double*>(take(kDouble * cones));
+    for (Lanes** part : {&lo, &hi, &share}) *part = reinterpret_cast<Lanes*>(take(cones));
+    press = reinterpret_cast<double*>(take(kDouble * cones));
+    for (double** part : {&axis_press, &axis_slip}) *part = reinterpret_cast<double*>(take(kDouble * n));
     motion = reinterpret_cast<double*>(take(kDouble * n));
     row = reinterpret_cast<const Real**>(take(kDouble * n));
     wide = reinterpret_cast<double*>(take(kDouble * (n + kFour)));

@@ -12,6 +12,7 @@ struct Limits {
   Tolerance tolerance;        ///< on the relative residual [-]
   Iterations max_iterations;  ///< at most
   Iterations stall_window;    ///< iterations without a better residual before giving up; 0: never
+  Tolerance absolute = Tolerance(0);  ///< on the absolute residual, where that is larger [w]
 };
 /// One environment.
 using StopRule = Limits<double, Index>;
@@ -20,7 +21,7 @@ using StopRule = Limits<double, Index>;
 /// besides.
 template <class Real>
 STICTION_HD StopRule stop_rule(const SolveJob<Real>& job, Offset env) {
-  StopRule rule{job.tolerance, job.max_iterations, job.stall_window};
+  StopRule rule{job.tolerance, job.max_iterations, job.stall_window, job.absolute_tolerance};
   const double* const tolerance = job.batch.env_tolerance;
   const Index* const iterations = job.batch.env_max_iterations;
   if (tolerance != nullptr && tolerance[env] >= 0.0) rule.tolerance = tolerance[env];

@@ -90,69 +90,182 @@ STICTION_HD Real saturated(Wide value) {
   return narrowed<Real>(select(value == value, clamp_(value, Wide(-kLargest), Wide(kLargest)), Wide(kLargest)));
 }
 
-/// What a judge sees of an answer.
-struct FinalResidual {
-  double residual = 0.0;  ///< the largest of a cone's natural map [w]
-  double rounding_floor =
-      0.0;  ///< what rounding hides of it: of the largest number in a difference, or of a square [w]
+/// The unit roundoff of a precision.
+template <class Real>
+inline constexpr double kUnitRoundoff = sizeof(Scalar<Real>) == sizeof(float) ? 0x1p-24 : 0x1p-53;
+
+/// The scale of an environment's errors.
+struct ErrorScale {
+  double largest = 1e-300;  ///< of all islands [w]
+  double unit = 1.0;        ///< power of two near its inverse: motions times it have squares that are numbers
 };
-
-/// What squares hide of any number but zero, at least.
-inline constexpr double kHiddenBySquares = 0x1p-480;
-
-/// What rounding hides of a cone's natural map of (x, y). A contact without a reaction obeys Coulomb's law, and that
-/// of boxed friction, if it does not move inward, however fast it slides.
-///
-/// The map's norm is the root of a sum of squares. Each of at most 2 kMaxConeRows roundings near zero is off by half
-/// of the smallest subnormal, 2^-1075. So a norm of 2^-535 may come out as zero. Held against 2^-480 or more, that is
-/// less than a rounding.
-///
-/// Nor may a square overflow: de Saxce's shift, the norm of y's tangential part, would be infinite and let any contact
-/// go. Of at most kMaxConeRows numbers up to 2^510 the squares have a finite sum; beyond that all is hidden.
-template <Law kLaw, class Real, int M>
-STICTION_HD Real rounding_floor_of(const Real (&x)[M], const Real (&y)[M], Real a, Mask<Real> is_boxed) {
-  Real reaction(0);
-  Real size = abs_(y[0]);
-  for (int k = 0; k < M; ++k) reaction = max_(abs_(a * x[k]), reaction);
-  Real tangential(0);
-  for (int k = 1; k < M; ++k) tangential = max_(abs_(y[k]), tangential);
-  const auto is_open = and_(reaction == Real(0), y[0] >= Real(0));
-  if constexpr (kLaw == Law::coulomb) {
-    tangential = select(tangential > Real(0x1p510), Real(__builtin_huge_val()), tangential);
-    size = select(is_open, size, max_(tangential, size));
-  } else {
-    size = select(and_(is_boxed, is_open), size, max_(tangential, size));
-  }
-  const Real largest = max_(reaction, size);
-  return select(largest > Real(0), max_(Real(0x1p-53) * largest, Real(kHiddenBySquares)), Real(0));
+/// A power of two that brings numbers like `largest` near 1.
+STICTION_HD double error_unit(double largest) {
+  if (largest < 0x1p-1000) return largest > 0.0 ? 0x1p1000 : 1.0;
+  return unit_scale(largest);
 }
 
-/// The largest square of a natural map so far, and the largest rounding floor.
+/// `largest`: the largest island's scale, 0 where nothing is needed.
+STICTION_HD ErrorScale error_scale(double largest) {
+  return {max_(largest, 1e-300), error_unit(largest)};
+}
+
+/// What a judge sees of an answer.
+struct FinalResidual {
+  double residual = 0.0;  ///< largest error of contacts that can move, each over its island's share of the largest scale [w]
+  double stuck = 0.0;     ///< that of those that cannot: no reaction helps them [w]
+  double absolute = 0.0;  ///< largest error of a contact [w]
+  double rounding_floor = 0.0;  ///< what roundings hide of the first: of the largest number in a difference [w]
+  double reaction = 0.0;        ///< the largest reaction as the motion that it causes alone, in the same shares [w]
+};
+
+/// The largest squares so far, in units of 1 / ErrorScale::unit.
 template <class Real>
 struct LargestResidual {
   Real square{0};
-  Real rounding_floor{0};
+  Real stuck{0};
+  Real plain{0};
+  Real size{0};
+  Real reaction{0};
 
-  /// Adds a cone's, of (x, y). Where all of its numbers are so small that squares hide them, norms inside the map
-  /// vanish, too, and it may come out as zero. It counts as 2^-532 then, more than such norms can be off by.
+  /// Adds a cone's, of (x, y) in coordinates of the unit cone. `share`: the largest island's scale over that of its own,
+  /// negative of a cone that cannot move.
   template <Law kLaw, class Shape, int M>
-  STICTION_HD void add(Shape shape, const Real (&x)[M], const Real (&y)[M], Real a, Real lo, Real hi) {
+  STICTION_HD void add(Shape shape, Real (&x)[M], Real (&y)[M], const ConeMetric<Real, M>& metric, Real lo, Real hi,
+                       Real share, Real unit) {
+    scale(x, y, unit);
     const auto is_boxed = Shape::kKind == ConeKind::friction ? lo < Real(0) : Real(0) < Real(0);
-    add(natural_map_square<kLaw>(shape, x, y, a, lo, hi), rounding_floor_of<kLaw>(x, y, a, is_boxed));
+    const Real low = Shape::kKind == ConeKind::friction ? lo : lo * unit;
+    add(law_error_square<kLaw>(shape, x, y, metric, low, hi * unit), share);
+    add_sizes<kLaw>(x, y, metric, share, is_boxed);
   }
-  /// Adds that of a cone of semidefinite.
+  /// Adds that of a cone of semidefinite. `a`: its mean diagonal.
   template <int M>
-  STICTION_HD void add_semidefinite(const Real (&x)[M], const Real (&y)[M], Real a) {
-    add(semidefinite_map_square(x, y, a), rounding_floor_of<Law::convex>(x, y, a, Real(0) < Real(0)));
+  STICTION_HD void add_semidefinite(Real (&x)[M], Real (&y)[M], Real a, Real share, Real unit) {
+    scale(x, y, unit);
+    add(semidefinite_error_square(x, y, a), share);
+    Real most(0), pressed(0);
+    for (int k = 0; k < M; ++k) {
+      most = max_(abs_(y[k]), most);
+      pressed = max_(abs_(a * x[k]), pressed);
+    }
+    see(pressed * pressed, most * most, share);
+  }
+  /// Takes in what other lanes have seen.
+  STICTION_HD void add(const LargestResidual& other) {
+    square = max_(other.square, square);
+    stuck = max_(other.stuck, stuck);
+    plain = max_(other.plain, plain);
+    size = max_(other.size, size);
+    reaction = max_(other.reaction, reaction);
   }
 
  private:
-  STICTION_HD void add(Real own_square, Real own_floor) {
-    square = max_(own_square, square);
-    square = select(own_floor == Real(kHiddenBySquares), max_(Real(0x1p-1064), square), square);
-    rounding_floor = max_(own_floor, rounding_floor);
+  template <int M>
+  static STICTION_HD void scale(Real (&x)[M], Real (&y)[M], Real unit) {
+    for (int k = 0; k < M; ++k) {
+      x[k] = x[k] * unit;
+      y[k] = y[k] * unit;
+    }
+  }
+  STICTION_HD void add(Real own, Real share) {
+    plain = max_(own, plain);
+    const Real weighted = (own * share) * share;
+    const auto is_stuck = share < Real(0);
+    square = max_(select(is_stuck, Real(0), weighted), square);
+    stuck = max_(select(is_stuck, weighted, Real(0)), stuck);
+  }
+  STICTION_HD void see(Real pressed, Real moved, Real share) {
+    const Real weight = share * share;
+    reaction = max_(pressed * weight, reaction);
+    size = max_(max_(pressed, moved) * weight, size);
+  }
+  /// A contact without a reaction obeys Coulomb's law, and that of boxed friction, if it does not move inward, however
+  /// fast it slides: rounding of its sliding hides nothing.
+  template <Law kLaw, int M>
+  STICTION_HD void add_sizes(const Real (&x)[M], const Real (&y)[M], const ConeMetric<Real, M>& metric, Real share,
+                             Mask<Real> is_boxed) {
+    const Real normal = metric.a * x[0];
+    Real pressed = normal * normal, moved = y[0] * y[0];
+    Real slips(0);
+    for (int k = 1; k < M; ++k) {
+      const Real own = metric.a * x[k];
+      pressed = max_((metric.press[k] * own) * own, pressed);
+      slips = max_((metric.slip[k] * y[k]) * y[k], slips);
+    }
+    if constexpr (M > 1) {
+      const auto is_open = and_(pressed == Real(0), y[0] >= Real(0));
+      const auto is_free = kLaw == Law::coulomb ? is_open : and_(is_boxed, is_open);
+      moved = max_(select(is_free, Real(0), slips), moved);
+    }
+    see(pressed, moved, share);
   }
 };
+
+/// What is seen of one environment, from its largest squares.
+STICTION_HD FinalResidual final_residual_of(const LargestResidual<double>& largest, const ErrorScale& scale) {
+  return {div_(sqrt_(largest.square), scale.unit), div_(sqrt_(largest.stuck), scale.unit),
+          div_(sqrt_(largest.plain), scale.unit),
+          div_(0x1p-53 * sqrt_(largest.size), scale.unit), div_(sqrt_(largest.reaction), scale.unit)};
+}
+/// Over a team's lanes.
+template <Team TeamT>
+STICTION_HD FinalResidual final_residual_of(TeamT& team, const LargestResidual<double>& own, const ErrorScale& scale) {
+  LargestResidual<double> largest;
+  largest.square = team.max(own.square);
+  largest.stuck = team.max(own.stuck);
+  largest.plain = team.max(own.plain);
+  largest.size = team.max(own.size);
+  largest.reaction = team.max(own.reaction);
+  return final_residual_of(largest, scale);
+}
+
+/// What an answer's error is held against.
+struct Allowance {
+  double tolerance;  ///< on the relative residual [-]
+  double absolute;   ///< on the absolute one [w]
+};
+/// How an answer stands.
+struct Verdict {
+  double relative;     ///< residual over its island's scale, or what roundings hide of it [-]
+  double absolute;     ///< largest error of a contact [w]
+  bool is_solved;      ///< one of them is as small as allowed
+  bool is_rounding;    ///< neither, and roundings of the reactions are what is left
+  bool is_infeasible;  ///< neither, for contacts alone that cannot move; all others are as near as allowed
+  /// Whether no other method could do better.
+  [[nodiscard]] STICTION_HD bool is_final() const { return is_solved || is_rounding || is_infeasible; }
+  /// How the environment ended, `otherwise` where none of these is so.
+  [[nodiscard]] STICTION_HD EnvCode code(EnvCode otherwise) const {
+    return is_solved ? EnvCode::solved
+           : is_infeasible ? EnvCode::infeasible
+           : is_rounding   ? EnvCode::rounding
+                           : otherwise;
+  }
+};
+
+/// Roundings of the reactions, times this, may be all that is left of a residual.
+inline constexpr double kRoundingReach = 16.0;
+
+/// The verdict on an answer in precision Real. A reaction so large that b is lost beside it would pass for exact, so
+/// where roundings hide more than is allowed, they count (docs/math/residual.md). With a tolerance of 0 every rounding
+/// does more than that; then a square that overflows counts alone.
+template <class Real>
+STICTION_HD Verdict judge(const FinalResidual& found, double scale, const Allowance& allowed) {
+  const double most = allowed.tolerance * scale;
+  const bool is_hidden = most > 0.0 && found.rounding_floor > most;
+  const bool counts = (is_hidden || !finite_(found.rounding_floor)) && found.rounding_floor > found.residual;
+  const double movable = counts ? found.rounding_floor : found.residual;
+  Verdict verdict;
+  verdict.relative = div_(max_(found.stuck, movable), scale);
+  verdict.absolute = counts && found.rounding_floor > found.absolute ? found.rounding_floor : found.absolute;
+  verdict.is_solved = (finite_(verdict.relative) && verdict.relative <= allowed.tolerance) ||
+                      (verdict.absolute <= allowed.absolute && finite_(verdict.absolute));
+  verdict.is_infeasible = !verdict.is_solved && found.stuck > movable && div_(movable, scale) <= allowed.tolerance;
+  const double rounding = kUnitRoundoff<Real> * found.reaction;
+  verdict.is_rounding = !verdict.is_solved && most > 0.0 && finite_(verdict.relative) &&
+                        found.stuck <= movable && (is_hidden || (rounding > most && found.residual <= kRoundingReach * rounding));
+  return verdict;
+}
 
 /// A reaction in the coordinates of the unit cone; an axis without friction carries none.
 template <class Real>
@@ -160,72 +273,92 @@ STICTION_HD Real unit_reaction(Real lambda, Real mu) {
   return select(mu > Real(0), div_(lambda, mu), Real(0));
 }
 
-/// The residual that may be held against `allowed`: where roundings hide more than that, what they hide. A reaction so
-/// large that b is lost beside it would otherwise pass for exact (docs/math/residual.md). With `allowed` = 0, which any
-/// rounding is more than, only a square that overflows counts; that counts whatever is allowed.
-STICTION_HD double reported_residual(const FinalResidual& evaluated, double allowed) {
-  const bool is_hidden = allowed > 0.0 && evaluated.rounding_floor > allowed;
-  const bool counts = is_hidden || !finite_(evaluated.rounding_floor);
-  const bool is_blind = counts && evaluated.rounding_floor > evaluated.residual;
-  return is_blind ? evaluated.rounding_floor : evaluated.residual;
+/// The metric of a cone from the diagonal of its rows in double, and its mean.
+template <class Shape, class Real, class Rows>
+STICTION_HD ConeMetric<double, Shape::kRows> cone_metric(Shape, const EnvView<Real>& env, const Rows& rows, Index cone,
+                                                         double& mean) {
+  constexpr int kRows = Shape::kRows;
+  const Index first = env.cone_row(cone);
+  ConeMetric<double, kRows> metric;
+  double sum = 0.0;
+  for (int k = 0; k < kRows; ++k) {
+    const Index i = env.row_of(first, kRows, k);
+    const double d = rows.diagonal(i, static_cast<double>(env.R[i]));
+    sum = sum + d;
+    if (k == 0) metric.a = max_(d, 0.0);
+    const auto weights = axis_weights(metric.a, d, static_cast<double>(row_scale(env, env.kind[cone], k, i)));
+    metric.press[k] = weights.press;
+    metric.slip[k] = weights.slip;
+  }
+  mean = residual_weight(div_(sum, static_cast<double>(kRows)));
+  return metric;
 }
 
-/// Motion and natural-map residual of the reactions in env.lambda, in double whatever the solve's precision, from the
-/// batch's own numbers (docs/math/residual.md). Writes env.w. kMatrices: there may be cones of semidefinite; without it
-/// they count as friction cones, which no method that is given one reports.
-template <bool kMatrices = false, Team TeamT, class Real, class Rows>
-STICTION_HD_SHARED FinalResidual final_residual(TeamT& team, const EnvView<Real>& env, const Rows& rows) {
+/// The bounds of a cone in double, as law_error_square() reads them.
+struct ConeBounds {
+  double lo, hi;
+};
+template <class Real>
+STICTION_HD ConeBounds cone_bounds(const EnvView<Real>& env, Index cone) {
+  const ConeKind kind = env.kind[cone];
+  const Index first = env.cone_row(cone);
+  if (kind == ConeKind::box) return {static_cast<double>(env.lo[first]), static_cast<double>(env.hi[first])};
+  return {kind == ConeKind::box_friction ? -1.0 : 0.0, 0.0};
+}
+
+/// Adds the error of a cone with motion(row, batch row) and reaction(batch row).
+template <bool kMatrices, class Real, class Rows, class Motion, class Reaction>
+STICTION_HD void add_cone(const EnvView<Real>& env, const Rows& rows, Index cone, double share, double unit,
+                          Motion&& motion, Reaction&& reaction, LargestResidual<double>& largest) {
+  const ConeKind kind = env.kind[cone];
+  const Index first = env.cone_row(cone);
+  with_shape(kind, env.cone_size(cone), [&](auto shape) {
+    constexpr int kRows = decltype(shape)::kRows;
+    double mean = 0.0;
+    const auto metric = cone_metric(shape, env, rows, cone, mean);
+    double x[kRows];
+    double y[kRows];
+    for (int k = 0; k < kRows; ++k) {
+      const Index i = env.row_of(first, kRows, k);
+      const double mu = static_cast<double>(row_scale(env, kind, k, i));
+      // Unit-cone coordinates; the motion of an axis without friction does not count.
+      x[k] = unit_reaction(reaction(i), mu);
+      y[k] = mu * motion(i);
+    }
+    if constexpr (kMatrices && kMayBeMatrix<decltype(shape)>) {
+      if (kind == ConeKind::semidefinite) {
+        largest.add_semidefinite(x, y, mean, share, unit);
+        return;
+      }
+    }
+    const ConeBounds bounds = cone_bounds(env, cone);
+    if (env.law == Law::coulomb) {
+      largest.template add<Law::coulomb>(shape, x, y, metric, bounds.lo, bounds.hi, share, unit);
+    } else {
+      largest.template add<Law::convex>(shape, x, y, metric, bounds.lo, bounds.hi, share, unit);
+    }
+  });
+}
+
+/// Motion and error of the reactions in env.lambda, in double whatever the solve's precision, from the batch's own
+/// numbers (docs/math/residual.md). Writes env.w. share(cone): the largest island's scale over that of the cone's.
+/// kMatrices: there may be cones of semidefinite; without it they count as friction cones, which no method that is
+/// given one reports.
+template <bool kMatrices = false, Team TeamT, class Real, class Rows, class Share>
+STICTION_HD_SHARED FinalResidual final_residual(TeamT& team, const EnvView<Real>& env, const Rows& rows,
+                                                const Share& share, const ErrorScale& scale) {
   LargestResidual<double> largest;
   for_each(team, env.cone_count, [&](Index cone) {
-    const ConeKind kind = env.kind[cone];
-    const Index first = env.cone_row(cone);
-    with_shape(kind, env.cone_size(cone), [&](auto shape) {
-      constexpr int kRows = decltype(shape)::kRows;
-      double x[kRows];
-      double y[kRows];
-      double diagonal_sum = 0.0;
-      for (int k = 0; k < kRows; ++k) {
-        const Index i = env.row_of(first, kRows, k);
-        const double motion = rows.motion(i, row_start(env, i));
-        const double diagonal = rows.diagonal(i, static_cast<double>(env.R[i]));
-        if (env.w != nullptr) env.w[i] = canonical_zero(saturated<Real>(motion));
-        diagonal_sum = diagonal_sum + diagonal;
-        // Unit-cone coordinates; the motion of an axis without friction does not count.
-        const double mu = static_cast<double>(row_scale(env, kind, k, i));
-        x[k] = unit_reaction(static_cast<double>(env.lambda[i]), mu);
-        y[k] = mu * motion;
-      }
-      const double a = residual_weight(div_(diagonal_sum, static_cast<double>(kRows)));
-      if constexpr (kMatrices && kMayBeMatrix<decltype(shape)>) {
-        if (kind == ConeKind::semidefinite) {
-          largest.add_semidefinite(x, y, a);
-          return;
-        }
-      }
-      const double lo = kind == ConeKind::box            ? static_cast<double>(env.lo[first])
-                        : kind == ConeKind::box_friction ? -1.0
-                                                         : 0.0;
-      const double hi = kind == ConeKind::box ? static_cast<double>(env.hi[first]) : 0.0;
-      if (env.law == Law::coulomb) {
-        largest.template add<Law::coulomb>(shape, x, y, a, lo, hi);
-      } else {
-        largest.template add<Law::convex>(shape, x, y, a, lo, hi);
-      }
-    });
+    add_cone<kMatrices>(
+        env, rows, cone, share(cone), scale.unit,
+        [&](Index i) {
+          const double motion = rows.motion(i, row_start(env, i));
+          if (env.w != nullptr) env.w[i] = canonical_zero(saturated<Real>(motion));
+          return motion;
+        },
+        [&](Index i) { return static_cast<double>(env.lambda[i]); }, largest);
   });
-  const double residual = sqrt_(team.max(largest.square));
-  return {residual, team.max(largest.rounding_floor)};
-}
-template <Team TeamT, class Real>
-STICTION_HD FinalResidual final_residual(TeamT& team, const EnvView<Real>& env) {
-  return final_residual(team, env, StoredRows<Real>{&env});
-}
-
-/// The denominator of the relative residual: max|b|, or the smallest positive scale the judge uses when b = 0.
-template <Team TeamT, class Real>
-STICTION_HD_OUTLINE double residual_scale(TeamT& team, const EnvView<Real>& env) {
-  const double largest = max_over<double>(team, env.n, [&](Index i) { return abs_(static_cast<double>(env.b[i])); });
-  return max_(largest, 1e-300);
+  return final_residual_of(team, largest, scale);
 }
 
 }  // namespace stiction::inline STICTION_ISA

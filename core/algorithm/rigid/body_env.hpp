@@ -9,7 +9,7 @@ namespace stiction::inline STICTION_ISA {
 struct SiParams {
   double step;  ///< length of a sub-step [s]
   double erp, slop, cfm, restitution_threshold;
-  double tolerance, omega;
+  double tolerance, absolute_tolerance, omega;
   Index iterations, substeps;
   bool momentum;
   SolverKind answered_by;  ///< what a status says
@@ -28,6 +28,7 @@ STICTION_HD SiParams si_params(const TimeStepping& stepping, const BodySolverOpt
           stepping.cfm,
           stepping.restitution_threshold,
           options.tolerance,
+          options.absolute_tolerance,
           options.omega,
           options.iterations,
           options.substeps,

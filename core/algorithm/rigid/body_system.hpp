@@ -34,9 +34,11 @@ enum ContactField : Index {
   kFieldNormal = 6,  ///< x, y, z
   kFieldMu = 9,
   kFieldBias = 10,     ///< target velocity of the normal row, negative
-  kFieldWeight = 11,   ///< mean diagonal of the block and R, before mu: the residual's a
-  kFieldInverse = 12,  ///< 1 / normal diagonal, 1 / bound of the tangential block; boxed: of t1
-  kFieldBlock = 14,    ///< coulomb: n1, n2; convex: damping and share of BlockMetric, then nn, n1, n2, t11, t12, t22;
+  kFieldWeight = 11,   ///< mean diagonal of the block and R, before mu: what steps count as in units of w
+  kFieldShare = 12,    ///< of its island: the largest error scale over the island's
+  kFieldPress = 13,    ///< ConeMetric: a, then the weights of reactions of t1, t2
+  kFieldInverse = 16,  ///< 1 / normal diagonal, 1 / bound of the tangential block; boxed: of t1
+  kFieldBlock = 18,    ///< coulomb: n1, n2; convex: damping and share of BlockMetric, then nn, n1, n2, t11, t12, t22;
                        ///< boxed: n1, n2, t12, 1 / bound of t2
 };
 

@@ -161,7 +161,7 @@ STICTION_HD Twist<double> twist_in(const Numbers* rows, Index slot, Index bodies
 /// Judges one contact with twists under all impulses, six numbers a body (docs/math/residual.md).
 template <Law kLaw, class Real>
 STICTION_HD void judge_contact(const BodyEnv<Real>& env, const SiParams& params, Index p, const Real* impulse,
-                               const double* twists, LargestResidual<double>& evaluated) {
+                               const double* twists, double unit, LargestResidual<double>& evaluated) {
   const ExactContact contact = exact_contact(env, p);
   const Offset row = contact.contact;
   double lambda[3];
@@ -176,24 +176,20 @@ STICTION_HD void judge_contact(const BodyEnv<Real>& env, const SiParams& params,
         return bias_of<double>(params, contact, start(0), start(1), static_cast<double>(env.depth[row]),
                                static_cast<double>(env.restitution[row]));
       },
-      static_cast<double>(env.mu[row]), div_(params.cfm, params.step), lambda, motion, evaluated);
+      static_cast<double>(env.mu[row]), div_(params.cfm, params.step), lambda, motion, 1.0, unit, evaluated);
 }
 
 /// Judges all contacts of an environment with twists under the impulses of all environments that share its bodies.
 template <Law kLaw, class Real>
 STICTION_HD void evaluate_subdomain(const BodyEnv<Real>& env, const SiParams& params, const Real* impulse,
-                                    const double* twists, LargestResidual<double>& evaluated) {
-  for (Index p = 0; p < env.kept; ++p) judge_contact<kLaw>(env, params, p, impulse, twists, evaluated);
+                                    const double* twists, double unit, LargestResidual<double>& evaluated) {
+  for (Index p = 0; p < env.kept; ++p) judge_contact<kLaw>(env, params, p, impulse, twists, unit, evaluated);
 }
 
-/// What a judge sees of contacts, from their maxima.
-STICTION_HD FinalResidual final_residual_of(const LargestResidual<double>& largest) {
-  return {sqrt_(largest.square), largest.rounding_floor};
-}
-
-/// The largest component of b in an environment, or `largest` [w].
-template <class Real>
-STICTION_HD double largest_bias(const BodyEnv<Real>& env, const SiParams& params, double largest) {
+/// The largest error that a contact of an environment has without reactions, or `largest` [w]. Parts of an environment
+/// do not know its islands: they search as if it were one, and what they find is judged where all of it is known.
+template <Law kLaw, class Real>
+STICTION_HD double largest_error_at_rest(const BodyEnv<Real>& env, const SiParams& params, double largest) {
   const auto free = [&](Index side) {
     const Index slot = slot_of(side);
     if (slot >= env.bodies) return Twist<double>{{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};
@@ -208,7 +204,16 @@ STICTION_HD double largest_bias(const BodyEnv<Real>& env, const SiParams& params
     const double bias = bias_of<double>(params, contact, start(contact.side_a), start(contact.side_b),
                                         static_cast<double>(env.depth[contact.contact]),
                                         static_cast<double>(env.restitution[contact.contact]));
-    largest = largest_free_motion<double>(contact, free(contact.side_a), free(contact.side_b), bias, largest);
+    double b[3];
+    free_motion<double>(contact, free(contact.side_a), free(contact.side_b), bias, b);
+    ContactBlock<double> block{0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
+    add_body(block, exact_mass(env, contact.side_a), contact.arm_a, contact.frame);
+    add_body(block, exact_mass(env, contact.side_b), contact.arm_b, contact.frame);
+    const double r = div_(params.cfm, params.step), a = max_(block.nn + r, 0.0);
+    const double mu = static_cast<double>(env.mu[contact.contact]);
+    const auto metric = contact_metric(a, axis_weights(a, block.t11 + r, mu).press,
+                                       axis_weights(a, block.t22 + r, mu).press);
+    largest = max_(error_at_rest<kLaw>(b, mu, metric, 1.0), largest);
   }
   return largest;
 }

@@ -46,7 +46,8 @@ STICTION_HD InverseMass<double> exact_mass(const BodyEnv<Real>& env, Index side)
 /// they are needed, for no machine has registers for all of them.
 template <Law kLaw, class T, class TwistOf, class MassOf, class Bias>
 STICTION_HD void evaluate_contact(const ExactGeometry<T>& contact, TwistOf&& twist, MassOf&& mass, Bias&& bias, T mu,
-                                  T r, const T (&lambda)[3], T (&motion)[3], LargestResidual<T>& evaluated) {
+                                  T r, const T (&lambda)[3], T (&motion)[3], T share, T unit,
+                                  LargestResidual<T>& evaluated) {
   const Vector3<T> u = relative_velocity(twist(0), contact.arm_a, twist(1), contact.arm_b);
   const T along[3] = {dot(u, contact.frame.n) + bias(), dot(u, contact.frame.t1), dot(u, contact.frame.t2)};
   ContactBlock<T> block{T(0), T(0), T(0), T(0), T(0), T(0)};
@@ -59,8 +60,11 @@ STICTION_HD void evaluate_contact(const ExactGeometry<T>& contact, TwistOf&& twi
     reaction[k] = k == 0 ? lambda[k] : unit_reaction(lambda[k], mu);
     y[k] = k == 0 ? motion[k] : mu * motion[k];
   }
-  const T weight = div_(block.nn + block.t11 + block.t22 + T(3) * r, T(3));
-  evaluated.template add<kLaw>(ContactShape{}, reaction, y, weight, T(kLowerBound<Scalar<T>, kLaw>), T(0));
+  const T a = max_(block.nn + r, T(0));
+  const auto first = axis_weights(a, block.t11 + r, mu), second = axis_weights(a, block.t22 + r, mu);
+  const ConeMetric<T, 3> metric{a, {T(1), first.press, second.press}, {T(1), first.slip, second.slip}};
+  evaluated.template add<kLaw>(ContactShape{}, reaction, y, metric, T(kLowerBound<Scalar<T>, kLaw>), T(0), share,
+                               unit);
 }
 
 /// Writes s.exact and, if it is an answer, env.w; judges the iterate `x`.
@@ -68,7 +72,7 @@ template <Team TeamT, class Real, Law kLaw, int kStride>
 STICTION_HD_OUTLINE FinalResidual residual_of(TeamT& team, const BodyEnv<Real>& env,
                                               const BodySystem<Real, kLaw, kStride>& s,
                                               const ContactTiles<Real, kStride>& x, const SiParams& params,
-                                              bool is_answer) {
+                                              const ErrorScale& scale, bool is_answer) {
   gather_exact(team, env, s, x, params);
   const double r = div_(params.cfm, params.step);
   LargestResidual<double> evaluated;
@@ -81,19 +85,23 @@ STICTION_HD_OUTLINE FinalResidual residual_of(TeamT& team, const BodyEnv<Real>& 
     evaluate_contact<kLaw, double>(
         contact, [&](int k) { return twist_at<double>(s.exact_row(slot_of(side(k)))); },
         [&](int k) { return exact_mass(env, side(k)); }, [&] { return bias_of(env, s, params, p, contact); },
-        static_cast<double>(env.mu[contact.contact]), r, lambda, motion, evaluated);
+        static_cast<double>(env.mu[contact.contact]), r, lambda, motion, static_cast<double>(s.field.at(kFieldShare, p)),
+        scale.unit, evaluated);
     for (Index k = 0; is_answer && env.w != nullptr && k < 3; ++k)
       env.w[3 * static_cast<Offset>(contact.contact) + k] = canonical_zero(saturated<Real>(motion[k]));
   });
-  const double largest = sqrt_(team.max(evaluated.square));
-  return {largest, team.max(evaluated.rounding_floor)};
+  return final_residual_of(team, evaluated, scale);
 }
 
-/// The residual of the best iterate, which is the answer, as it may be held against the tolerance (reported_residual).
+/// What an answer is held against.
+STICTION_HD Allowance allowance(const SiParams& params) {
+  return {params.tolerance, params.absolute_tolerance};
+}
+/// The verdict on the best iterate, which is the answer.
 template <Team TeamT, class Real, Law kLaw, int kStride>
-STICTION_HD double evaluate_bodies(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
-                                   const SiParams& params, double scale) {
-  return reported_residual(residual_of(team, env, s, s.best, params, true), params.tolerance * scale);
+STICTION_HD Verdict evaluate_bodies(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
+                                    const SiParams& params, const ErrorScale& scale) {
+  return judge<Real>(residual_of(team, env, s, s.best, params, scale, true), scale.largest, allowance(params));
 }
 
 /// Writes impulses and twists; the impulses of earlier sub-steps are in env.impulse already. Each is finite, and their

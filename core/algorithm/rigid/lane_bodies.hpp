@@ -110,32 +110,53 @@ PackMask<T, W> load_contacts(const PackEnv<T, W>& env, const BodyPack<T, W, kLaw
   return bad;
 }
 
-/// begin_substep() of those that enter, but for answers of zero: biases, and max|b| [w] of each lane. `kept`: contacts
-/// of the lanes that enter, 0 in the others. The workspace has their free twists.
+/// begin_substep() of those that enter, but for islands: biases, error scales of contacts, and the largest of each lane.
+/// `kept`: contacts of the lanes that enter, 0 in the others. The workspace has their free twists.
 template <class T, int W, Law kLaw>
 void begin_lanes(const PackEnv<T, W>& env, const BodyPack<T, W, kLaw>& s, const SiParams& params,
-                 const ExactWorkspace& workspace, Pack<T, W> kept, double (&largest)[W]) {
+                 const ExactWorkspace& workspace, Pack<T, W> kept, ErrorScale (&scales)[W]) {
   using Lanes = WideLanes<T, W, kLaw>;
   using Wide = typename Lanes::Real;
+  const auto put = [&](Pack<T, W>& to, int first, Mask<Wide> exists, const Wide& value) {
+    store_lanes(reinterpret_cast<T*>(&to) + first,
+                narrowed<Pack<T, Lanes::kLanes>>(select(exists, value, widened(to, first))));
+  };
   for (int first = 0; first < W; first += Lanes::kLanes) {
     const Lanes lanes{s, first};
+    const auto find_b = [&](Index p, Wide (&b)[3]) {
+      const auto side_a = slot_of(env.side(2 * static_cast<Offset>(p)));
+      const auto side_b = slot_of(env.side(2 * static_cast<Offset>(p) + 1));
+      const ExactGeometry<Wide> contact = lanes.geometry(p);
+      const Wide bias = bias_of(params, contact, lanes.start(side_a), lanes.start(side_b),
+                                lanes.number(s.depth.at(0, p)), lanes.number(s.restitution[p]));
+      free_motion(contact, lanes.twist(workspace.twists, side_a), lanes.twist(workspace.twists, side_b), bias, b);
+      return bias;
+    };
+    const auto exists_at = [&](Index p) { return Wide(static_cast<double>(p)) < lanes.number(kept); };
+    Wide largest(0.0);
+    for (Index p = 0; p < s.contacts; ++p) {
+      const auto exists = exists_at(p);
+      if (!any(exists)) continue;
+      Wide b[3];
+      put(s.field.at(kFieldBias, p), first, exists, find_b(p, b));
+      for (int k = 0; k < 3; ++k) largest = select(exists, max_(abs_(b[k]), largest), largest);
+    }
+    double units[Lanes::kLanes];
+    for (int l = 0; l < Lanes::kLanes; ++l) units[l] = error_unit(largest.v[l]);
+    Wide unit;
+    load_lanes(units, unit);
     Wide most(0.0);
     for (Index p = 0; p < s.contacts; ++p) {
-      const auto exists = Wide(static_cast<double>(p)) < lanes.number(kept);
+      const auto exists = exists_at(p);
       if (!any(exists)) continue;
-      const auto a = slot_of(env.side(2 * static_cast<Offset>(p)));
-      const auto b = slot_of(env.side(2 * static_cast<Offset>(p) + 1));
-      const ExactGeometry<Wide> contact = lanes.geometry(p);
-      Pack<T, W>& kept_bias = s.field.at(kFieldBias, p);
-      const Wide bias = bias_of(params, contact, lanes.start(a), lanes.start(b), lanes.number(s.depth.at(0, p)),
-                                lanes.number(s.restitution[p]));
-      const Wide value =
-          largest_free_motion(contact, lanes.twist(workspace.twists, a), lanes.twist(workspace.twists, b), bias, most);
-      most = select(exists, value, most);
-      store_lanes(reinterpret_cast<T*>(&kept_bias) + first,
-                  narrowed<Pack<T, Lanes::kLanes>>(select(exists, bias, lanes.number(kept_bias))));
+      Wide b[3];
+      find_b(p, b);
+      const auto field = [&](Index k) { return lanes.number(s.field.at(k, p)); };
+      const auto metric = contact_metric(field(kFieldPress), field(kFieldPress + 1), field(kFieldPress + 2));
+      put(s.field.at(kFieldShare, p), first, exists, error_at_rest<kLaw>(b, field(kFieldMu), metric, unit));
+      most = select(exists, max_(field(kFieldShare), most), most);
     }
-    for (int l = 0; l < Lanes::kLanes; ++l) largest[first + l] = most.v[l];
+    for (int l = 0; l < Lanes::kLanes; ++l) scales[first + l] = {max_(most.v[l], 1e-300), units[l]};
   }
 }
 
@@ -213,8 +234,8 @@ struct LaneJudge {
     }
   }
 
-  /// The largest natural map of each lane and what roundings hide; motion goes to the batch.
-  [[nodiscard]] LargestResidual<Wide> evaluate() const {
+  /// The largest errors of each lane; motion goes to the batch.
+  [[nodiscard]] LargestResidual<Wide> evaluate(const Wide& unit) const {
     const Wide r(div_(params.cfm, params.step));
     LargestResidual<Wide> evaluated;
     for (Index p = 0; p < asked.contacts; ++p) {
@@ -232,10 +253,13 @@ struct LaneJudge {
       evaluate_contact<kLaw, Wide>(
           contact, [&](int side) { return lanes.twist(workspace.twists, side == 0 ? a : b); },
           [&](int side) { return lanes.mass(side == 0 ? a : b); }, bias, lanes.number(s.field.at(kFieldMu, p)), r,
-          lambda, motion, with_this);
+          lambda, motion, lanes.number(s.field.at(kFieldShare, p)), unit, with_this);
       const auto is_here = exists(p);
       evaluated = {select(is_here, with_this.square, evaluated.square),
-                   select(is_here, with_this.rounding_floor, evaluated.rounding_floor)};
+                   select(is_here, with_this.stuck, evaluated.stuck),
+                   select(is_here, with_this.plain, evaluated.plain),
+                   select(is_here, with_this.size, evaluated.size),
+                   select(is_here, with_this.reaction, evaluated.reaction)};
       write_solution(p, motion);
     }
     return evaluated;
@@ -271,16 +295,21 @@ struct LaneJudge {
 template <class T, int W, Law kLaw>
 void evaluate_body_lanes(const PackEnv<T, W>& env, const BodyPack<T, W, kLaw>& s, const SiParams& params,
                          const ExactWorkspace& workspace, const AskedLanes<T, W>& asked,
-                         FinalResidual (&evaluated)[W]) {
+                         const ErrorScale* const (&scales)[W], FinalResidual (&evaluated)[W]) {
   using Judge = LaneJudge<T, W, kLaw>;
   constexpr int kLanes = Judge::Lanes::kLanes;
   for (int first = 0; first < W; first += kLanes) {
     if (asked.is_empty(first, kLanes)) continue;
     const Judge evaluate{env, s, params, workspace, asked, {s, first}};
     evaluate.gather();
-    const auto found = evaluate.evaluate();
-    const auto largest = sqrt_(found.square);
-    for (int l = 0; l < kLanes; ++l) evaluated[first + l] = {largest.v[l], found.rounding_floor.v[l]};
+    Pack<double, kLanes> unit(1.0);
+    for (int l = 0; l < kLanes; ++l)
+      if (scales[first + l] != nullptr) unit.v[l] = scales[first + l]->unit;
+    const auto found = evaluate.evaluate(unit);
+    for (int l = 0; l < kLanes; ++l)
+      evaluated[first + l] = final_residual_of(
+          {found.square.v[l], found.stuck.v[l], found.plain.v[l], found.size.v[l], found.reaction.v[l]},
+          {1.0, unit.v[l]});
   }
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "core/algorithm/load/islands.hpp"
 #include "core/algorithm/load/load_system.hpp"
 #include "core/algorithm/residual/final_residual.hpp"
 #include "core/algorithm/rigid/si_sweep.hpp"
@@ -136,6 +137,10 @@ STICTION_HD Mask<Real> load_block(const BodySystem<Real, kLaw, kStride>& s, Inde
   }
   const Real sum = (block.nn + r) + (block.t11 + r) + (block.t22 + r);
   s.field.at(kFieldWeight, p) = div_(sum, Real(3));
+  const Real a = max_(block.nn + r, Real(0));
+  s.field.at(kFieldPress, p) = a;
+  s.field.at(kFieldPress + 1, p) = axis_weights(a, block.t11 + r, mu).press;
+  s.field.at(kFieldPress + 2, p) = axis_weights(a, block.t22 + r, mu).press;
   return and_(normal > Real(0), and_(block.t11 + r >= Real(0), block.t22 + r >= Real(0)));
 }
 
@@ -206,29 +211,146 @@ STICTION_HD_OUTLINE std::uint32_t load_bodies(TeamT& team, const BodyEnv<Real>& 
   return team.combine(bad);
 }
 
-/// With b = 0 the answer is zero, and no warm start is better.
+/// The error scale of a contact alone, from b. `unit`: ErrorScale's.
+template <Law kLaw, class T>
+STICTION_HD T error_at_rest(const T (&b)[3], T mu, const ConeMetric<T, 3>& metric, T unit) {
+  const T none[3] = {T(0), T(0), T(0)};
+  const T y[3] = {b[0] * unit, mu * (b[1] * unit), mu * (b[2] * unit)};
+  const T largest = max_(abs_(b[2]), max_(abs_(b[1]), abs_(b[0])));
+  const T lo(kLowerBound<Scalar<T>, kLaw>);
+  const T square = law_error_square<kLaw>(ContactShape{}, none, y, metric, lo, T(0));
+  return max_(div_(sqrt_(square), unit), T(static_cast<double>(kIdleShare)) * largest);
+}
+
+/// Whether forces move a body at all: one that is locked couples nothing.
+template <class Real, Law kLaw, int kStride>
+STICTION_HD bool is_movable(const BodySystem<Real, kLaw, kStride>& s, Index side) {
+  if (!is_pushed(side)) return false;
+  const auto mass = s.mass_row(side);
+  for (Index k = 0; k < 7; ++k)
+    if (mass[k] != Real(0)) return true;
+  return false;
+}
+
+/// Spreads the error scales that contacts have over those of their islands, by one lane. reach: six numbers a body, of
+/// which the first is the largest scale that is known to reach it. Whether any of them grew.
+template <class Real, Law kLaw, int kStride>
+STICTION_HD_OUTLINE bool spread_scales(const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
+                                       const Strided<double, kStride>& reach) {
+  const auto number = [&](Index body, Index k) -> double& { return reach[6 * static_cast<Offset>(body) + k]; };
+  const auto root = [&](Index body) {
+    while (static_cast<Index>(number(body, 1)) != body) {
+      number(body, 1) = number(static_cast<Index>(number(body, 1)), 1);
+      body = static_cast<Index>(number(body, 1));
+    }
+    return body;
+  };
+  for (Index body = 0; body < s.bodies; ++body) {
+    number(body, 1) = static_cast<double>(body);
+    number(body, 2) = number(body, 0);
+  }
+  const auto sides = [&](Index p, auto&& f) {
+    for (Index k = 0; k < 2; ++k) {
+      const Index side = env.sides[2 * static_cast<Offset>(p) + k];
+      if (is_movable(s, side)) f(side);
+    }
+  };
+  for (Index p = 0; p < s.contacts; ++p) {
+    Index first = -1;
+    sides(p, [&](Index side) {
+      const Index own = root(side);
+      if (first < 0) {
+        first = own;
+      } else if (own != first) {
+        number(own > first ? own : first, 1) = static_cast<double>(own > first ? first : own);
+      }
+    });
+  }
+  const auto raise = [&](Index body, double scale) {
+    double& known = number(root(body), 2);
+    known = max_(scale, known);
+  };
+  for (Index body = 0; body < s.bodies; ++body) raise(body, number(body, 0));
+  for (Index p = 0; p < s.contacts; ++p)
+    sides(p, [&](Index side) { raise(side, static_cast<double>(s.field.at(kFieldShare, p))); });
+  bool has_grown = false;
+  for (Index body = 0; body < s.bodies; ++body) {
+    const double found = number(root(body), 2);
+    has_grown = has_grown || found > number(body, 0);
+    number(body, 0) = found;
+  }
+  for (Index p = 0; p < s.contacts; ++p)
+    sides(p, [&](Index side) { s.field.at(kFieldShare, p) = static_cast<Real>(number(side, 0)); });
+  return has_grown;
+}
+
+/// Brings scales to other memories that have parts of an environment; whether any grew there. Here there are none.
 template <Team TeamT, class Real, Law kLaw, int kStride>
-STICTION_HD void rest(TeamT& team, const BodySystem<Real, kLaw, kStride>& s) {
+STICTION_HD bool share_scales(TeamT&, const BodyEnv<Real>&, const BodySystem<Real, kLaw, kStride>&,
+                              const Strided<double, kStride>&, bool) {
+  return false;
+}
+
+/// Turns the contacts' own error scales, which are in kFieldShare, into shares of `most`, the largest (docs/math/residual.md). An impulse
+/// in an island that needs nothing is left out.
+template <Team TeamT, class Real, Law kLaw, int kStride>
+STICTION_HD_OUTLINE void weigh_islands(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
+                                       const Strided<double, kStride>& reach, double most) {
+  double differs = 0.0;
   for_each_tiled(team, s.contacts, [&](Index p) {
-    for (Index k = 0; k < 3; ++k) s.x.at(k, p) = Real(0);
+    differs = static_cast<double>(s.field.at(kFieldShare, p)) != static_cast<double>(static_cast<Real>(most)) ? 1.0
+                                                                                                              : differs;
+  });
+  if (team.max(differs) > 0.0) {
+    for_each(team, s.bodies + 1, [&](Index body) { reach[6 * static_cast<Offset>(body)] = 0.0; });
+    bool goes_on = true;
+    while (goes_on) {
+      const bool has_grown = team.broadcast([&] { return spread_scales(env, s, reach); });
+      team.sync();
+      goes_on = share_scales(team, env, s, reach, has_grown);
+    }
+  }
+  for_each_tiled(team, s.contacts, [&](Index p) {
+    Real& share = s.field.at(kFieldShare, p);
+    if (!(share > Real(0)))
+      for (Index k = 0; k < 3; ++k) s.x.at(k, p) = Real(0);
+    share = most > 0.0 ? island_share(static_cast<Real>(most), share) : Real(1);
   });
 }
 
-/// Sets out from the twists and depths a sub-step begins with: biases, and max|b| [w], which is returned.
+/// Sets out from the twists and depths a sub-step begins with: biases, and what errors are measured by. Returns the
+/// largest island's error scale [w].
 template <Team TeamT, class Real, Law kLaw, int kStride>
-STICTION_HD_OUTLINE double begin_substep(TeamT& team, const BodyEnv<Real>& env,
-                                         const BodySystem<Real, kLaw, kStride>& s, const SiParams& params) {
-  double largest = 0.0;
-  for_each_tiled(team, s.contacts, [&](Index p) {
+STICTION_HD_OUTLINE ErrorScale begin_substep(TeamT& team, const BodyEnv<Real>& env,
+                                             const BodySystem<Real, kLaw, kStride>& s, const SiParams& params) {
+  const auto find_b = [&](Index p, double (&b)[3]) {
     const ExactContact contact = exact_contact(env, p);
     const double bias = bias_of(env, s, params, p, contact);
-    s.field.at(kFieldBias, p) = static_cast<Real>(bias);
-    largest = largest_free_motion<double>(contact, free_twist(env, s, params, slot_of(contact.side_a)),
-                                          free_twist(env, s, params, slot_of(contact.side_b)), bias, largest);
+    free_motion<double>(contact, free_twist(env, s, params, slot_of(contact.side_a)),
+                        free_twist(env, s, params, slot_of(contact.side_b)), bias, b);
+    return bias;
+  };
+  double largest = 0.0;
+  for_each_tiled(team, s.contacts, [&](Index p) {
+    double b[3];
+    s.field.at(kFieldBias, p) = static_cast<Real>(find_b(p, b));
+    for (const double value : b) largest = max_(abs_(value), largest);
   });
   largest = team.max(largest);
-  if (!(largest > 0.0)) rest(team, s);
-  return largest;
+  const double unit = error_unit(largest);
+  double most = 0.0;
+  for_each_tiled(team, s.contacts, [&](Index p) {
+    double b[3];
+    find_b(p, b);
+    const auto field = [&](Index k) { return static_cast<double>(s.field.at(k, p)); };
+    const auto metric = contact_metric(field(kFieldPress), field(kFieldPress + 1), field(kFieldPress + 2));
+    const Real own = static_cast<Real>(error_at_rest<kLaw>(b, field(kFieldMu), metric, unit));
+    s.field.at(kFieldShare, p) = own;
+    most = max_(static_cast<double>(own), most);
+  });
+  most = team.max(most);
+  weigh_islands(team, env, s, s.exact, most);
+  return {max_(most, 1e-300), unit};
 }
 
 }  // namespace stiction::inline STICTION_ISA

@@ -43,6 +43,14 @@ STICTION_HD auto sweep_bodies(TeamT& team, const Env& env, const System& s, type
   return largest;
 }
 
+/// Scales of ghosts from their owners; whether any grew on any rank, so that all spread once more.
+template <RankedTeam TeamT, class Real, Law kLaw>
+STICTION_HD bool share_scales(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, 1>&,
+                              const Strided<double, 1>& reach, bool has_grown) {
+  share_ghosts(team, env.color_count, reach, 6);
+  return team.max(has_grown ? 1.0 : 0.0) > 0.0;
+}
+
 /// Recomputes twists of a rank's own bodies. A ghost has contacts that the rank does not know.
 template <RankedTeam TeamT, class Real, Law kLaw>
 STICTION_HD void refresh_bodies(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, 1>& s,

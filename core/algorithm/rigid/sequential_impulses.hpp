@@ -79,7 +79,7 @@ STICTION_HD void run_sweeps(TeamT& team, const Env& env, const System& s, const 
 template <class Real>
 struct SiProgress {
   SiMomentum<Real> momentum;
-  double scale = 0.0;                                    ///< max|b| of this sub-step [w]
+  ErrorScale scale;                                      ///< of this sub-step
   Real best = static_cast<Real>(__builtin_huge_valf());  ///< smallest residual estimate of the last sub-step [w]
   Real verified = Real(-1);                              ///< that of the iterate that was last judged [w]
   Real estimate = Real(0);                               ///< of the iterate, in the last sub-step [w]
@@ -93,10 +93,10 @@ STICTION_HD bool is_last_substep(const SiParams& params, Index step) {
   return step + 1 >= params.substeps;
 }
 
-/// Sets out with b as large as that.
+/// Sets out with errors on that scale.
 template <class Real>
-STICTION_HD void set_out(SiProgress<Real>& progress, double largest_b) {
-  progress.scale = max_(largest_b, 1e-300);
+STICTION_HD void set_out(SiProgress<Real>& progress, const ErrorScale& scale) {
+  progress.scale = scale;
   progress.momentum = SiMomentum<Real>{};
   progress.done = 0;
 }
@@ -145,7 +145,7 @@ STICTION_HD void keep_best(TeamT& team, const BodySystem<Real, kLaw, kStride>& s
 /// No reactions in the whole step: the answer that is finite when no iterate was. As if the first sub-step had been the
 /// only one.
 template <Team TeamT, class Real, Law kLaw, int kStride>
-STICTION_HD_OUTLINE double fall_back(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
+STICTION_HD_OUTLINE ErrorScale fall_back(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
                                      SiParams& params) {
   params.step = params.step * static_cast<double>(params.substeps);
   params.substeps = 1;
@@ -176,27 +176,28 @@ STICTION_HD SiPoll poll_last_substep(TeamT& team, const BodySystem<Real, kLaw, k
   const bool broken = !finite_(estimate);
   const bool ended = broken || progress.done >= params.iterations;
   const bool has_candidate =
-      static_cast<double>(progress.best) <= params.tolerance * progress.scale && progress.best != progress.verified;
+      (static_cast<double>(progress.best) <= params.tolerance * progress.scale.largest ||
+       static_cast<double>(progress.best) <= params.absolute_tolerance) &&
+      progress.best != progress.verified;
   return {broken, ended, has_candidate || ended};
 }
 
-/// Publishes the answer once its residual `absolute` is at most the tolerance, or sweeps have run out. That residual
-/// is computed in double from the bits that are returned. Whether it was.
+/// Publishes the answer once its verdict is final, or sweeps have run out. The verdict is computed in double from the
+/// bits that are returned. Whether it was.
 template <Team TeamT, class Real, Law kLaw, int kStride>
 STICTION_HD bool finalize_bodies(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
-                                 SiParams params, SiPoll poll, double absolute, SiProgress<Real>& progress) {
+                                 SiParams params, SiPoll poll, Verdict verdict, SiProgress<Real>& progress) {
   const Index earlier = (params.substeps - 1) * params.iterations;
-  if (poll.ended && !finite_(div_(absolute, progress.scale))) {
-    progress.scale = max_(fall_back(team, env, s, params), 1e-300);
-    absolute = evaluate_bodies(team, env, s, params, progress.scale);
+  if (poll.ended && !finite_(verdict.relative)) {
+    progress.scale = fall_back(team, env, s, params);
+    verdict = evaluate_bodies(team, env, s, params, progress.scale);
   }
-  const double relative = div_(absolute, progress.scale);
-  const bool solved = finite_(relative) && relative <= params.tolerance;
   progress.verified = progress.best;
-  if (!solved && !poll.ended) return false;
-  const EnvCode code = solved ? EnvCode::solved : poll.broken ? EnvCode::numerical : EnvCode::max_iterations;
+  if (!verdict.is_final() && !poll.ended) return false;
+  const EnvCode code = verdict.code(poll.broken ? EnvCode::numerical : EnvCode::max_iterations);
   write_bodies(team, env, s);
-  write_body_status(team, env, params, code, progress.flags, earlier + progress.done, relative, absolute);
+  write_body_status(team, env, params, code, progress.flags, earlier + progress.done, verdict.relative,
+                    verdict.absolute);
   return true;
 }
 

@@ -232,7 +232,14 @@ STICTION_HD_OUTLINE void refresh_bodies(TeamT& team, const BodyEnv<Real>& env, c
   });
 }
 
-/// The largest natural-map residual over the contacts [w], for fresh twists.
+/// What a contact's error is measured by, from its weights of reactions.
+template <class T>
+STICTION_HD ConeMetric<T, 3> contact_metric(T a, T press_1, T press_2) {
+  const auto inverse = [](T press) { return select(press > T(0), div_(T(1), select(press > T(0), press, T(1))), T(0)); };
+  return {a, {T(1), press_1, press_2}, {T(1), inverse(press_1), inverse(press_2)}};
+}
+
+/// The largest error of a contact in shares of the largest error scale [w], for fresh twists.
 template <Team TeamT, class Env, class System>
 STICTION_HD_OUTLINE auto estimate_residual(TeamT& team, const Env& env, const System& s) {
   using Real = typename System::Real;
@@ -243,8 +250,11 @@ STICTION_HD_OUTLINE auto estimate_residual(TeamT& team, const Env& env, const Sy
     Real y[3];
     motion_of(s, visit, s.field.at(kFieldBias, p), x, y);
     const Real lo(kLowerBound<Scalar<Real>, System::kLaw>);
-    largest =
-        max_(natural_map_square<System::kLaw>(ContactShape{}, x, y, s.field.at(kFieldWeight, p), lo, Real(0)), largest);
+    const auto metric = contact_metric(s.field.at(kFieldPress, p), s.field.at(kFieldPress + 1, p),
+                                       s.field.at(kFieldPress + 2, p));
+    const Real share = s.field.at(kFieldShare, p);
+    const Real square = law_error_square<System::kLaw>(ContactShape{}, x, y, metric, lo, Real(0));
+    largest = max_((square * share) * share, largest);
   });
   return sqrt_(team.max(largest));
 }

@@ -86,14 +86,14 @@ STICTION_HD double bias_of(const BodyEnv<Real>& env, const BodySystem<Real, kLaw
                          static_cast<double>(env.restitution[contact.contact]));
 }
 
-/// The largest component of b at a contact [w], or `largest`, for the twists that forces alone lead to.
+/// The motion of a contact without reactions, b, for the twists that forces alone lead to.
 template <class T>
-STICTION_HD T largest_free_motion(const ExactGeometry<T>& contact, const Twist<T>& a, const Twist<T>& b, T bias,
-                                  T largest) {
+STICTION_HD void free_motion(const ExactGeometry<T>& contact, const Twist<T>& a, const Twist<T>& b, T bias,
+                             T (&motion)[3]) {
   const Vector3<T> u = relative_velocity(a, contact.arm_a, b, contact.arm_b);
-  largest = max_(abs_(dot(u, contact.frame.n) + bias), largest);
-  largest = max_(abs_(dot(u, contact.frame.t1)), largest);
-  return max_(abs_(dot(u, contact.frame.t2)), largest);
+  motion[0] = dot(u, contact.frame.n) + bias;
+  motion[1] = dot(u, contact.frame.t1);
+  motion[2] = dot(u, contact.frame.t2);
 }
 
 }  // namespace stiction::inline STICTION_ISA

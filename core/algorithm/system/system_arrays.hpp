@@ -11,7 +11,8 @@ namespace stiction::inline STICTION_ISA {
 enum StateScalar : Index {
   kBestResidual = 0,  ///< smallest residual estimate recorded so far [-]
   kLastResidual,      ///< the latest one [-]
-  kNormB,             ///< max|b| in the solver's units
+  kBestReaction,      ///< largest reaction of that iterate, as the motion that it causes, over the error scale [-]
+  kErrorScale,        ///< the largest island's, in the solver's units; 1 where that is zero
   kScaleA,            ///< power of two that A was multiplied by
   kScaleB,            ///< power of two that b was multiplied by
   kOutcome,           ///< Outcome of a method that decides when it ends, and what it must remember of how
@@ -37,8 +38,12 @@ struct SystemArrays {
   Strided<Real, kStride> y;      ///< motion (A + R) x + b                              (n)
   Strided<Real, kStride> best;   ///< the iterate with the smallest residual recorded   (n)
   Strided<Real, kStride> extra;  ///< vectors of the method, n apart                    (method * n)
-  Strided<Real, kStride>
-      residual_weight;              ///< mean diagonal of the cone's block before mu: the residual's weight a  (cones)
+  Strided<Real, kStride> axis_press;       ///< ConeMetric's weights of further rows                 (n)
+  Strided<Real, kStride> axis_slip;        ///<                                                      (n)
+  Strided<Real, kStride> residual_weight;  ///< mean diagonal of the cone's block before mu: what steps count as (cones)
+  Strided<Real, kStride> press;            ///< ConeMetric's a: the first diagonal entry, 0 if not positive  (cones)
+  Strided<Real, kStride> island;           ///< the largest island's error scale over that of the cone's own (cones)
+  Strided<Real, kStride> shares;           ///< the same by the batch's cones                        (cones)
   Strided<Real, kStride> inv_n;     ///< 1 / first diagonal entry                          (cones)
   Strided<Real, kStride> inv_t;     ///< 1 / bound on the largest eigenvalue of the tangential block (cones)
   Strided<Real, kStride> inv_cone;  ///< 1 / bound on the largest eigenvalue of the block  (cones)
@@ -51,7 +56,7 @@ struct SystemArrays {
   bool has_matrices = false;      ///< whether matrices are among them, or what a method has instead
 
   static constexpr Offset elements(Offset n, Offset cones, const Workspace& workspace) {
-    return (4 + workspace.vectors) * n + 8 * cones + kStateScalars + workspace.double_elements<Real>(n);
+    return (6 + workspace.vectors) * n + 11 * cones + kStateScalars + workspace.double_elements<Real>(n);
   }
   /// The method's vector k of doubles; its matrices follow the last.
   [[nodiscard]] STICTION_HD double* wide_vector(Index k, Index n) const { return wide + Offset{k} * n; }
@@ -76,7 +81,12 @@ struct SystemArrays {
     y = take(n);
     best = take(n);
     extra = take(workspace.vectors * n);
+    axis_press = take(n);
+    axis_slip = take(n);
     residual_weight = take(cones);
+    press = take(cones);
+    island = take(cones);
+    shares = take(cones);
     inv_n = take(cones);
     inv_t = take(cones);
     inv_cone = take(cones);

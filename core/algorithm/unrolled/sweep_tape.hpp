@@ -31,6 +31,7 @@ struct SweepTape {
   double* w;          ///<                                                      (n)
   double* measure;    ///< inv_n, inv_t, damping, share of each cone            (4 x cones)
   double* measured;   ///< what the loss says of them                           (4 x cones)
+  double* share;      ///< of each cone's island, over the largest error scale  (cones)
   double* by_motion;  ///< what the loss says of the motion at a visit          (kMaxConeRows)
   Index* row;         ///< the batch's row of each position                     (n)
   Index* position;    ///< and back                                             (n)
@@ -42,7 +43,7 @@ struct SweepTape {
 
 /// Scratch of an environment of that size, in doubles.
 STICTION_HD constexpr Offset unrolled_elements(Offset rows, Offset cones, Offset sweeps) {
-  return 2 * rows * rows + 2 * rows * sweeps + 12 * rows + 8 * cones + kMaxConeRows + rows + 1;
+  return 2 * rows * rows + 2 * rows * sweeps + 12 * rows + 9 * cones + kMaxConeRows + rows + 1;
 }
 template <class Real>
 STICTION_HD Offset unrolled_elements(const UnrolledJob<Real>& job, Offset env) {
@@ -69,6 +70,7 @@ STICTION_HD SweepTape lay_out_tape(const UnrolledJob<Real>& job, Offset env, dou
     *vector = take(n);
   s.measure = take(4 * cones);
   s.measured = take(4 * cones);
+  s.share = take(cones);
   s.by_motion = take(kMaxConeRows);
   s.row = reinterpret_cast<Index*>(memory);
   s.position = s.row + n;
@@ -126,6 +128,43 @@ STICTION_HD auto lone_cone(Shape, const EnvView<Real>& env, const SweepTape& s, 
   return lone;
 }
 
+/// Rows of A as the final residual reads them: f(rows).
+template <class Real, class F>
+STICTION_HD auto with_rows(const EnvView<Real>& env, F&& f) {
+  if (env.factor == nullptr) return f(StoredRows<Real>{&env});
+  return f(FactorRows<Real>{&env, nullptr});
+}
+
+/// Shares of islands, as weigh_islands() finds them.
+template <Team TeamT, class Real>
+STICTION_HD void weigh_islands(TeamT& team, const EnvView<Real>& env, const SweepTape& s) {
+  const double unit =
+      error_unit(max_over<double>(team, env.n, [&](Index i) { return abs_(static_cast<double>(env.b[i])); }));
+  for_each(team, env.cone_count, [&](Index cone) {
+    s.share[cone] = with_rows(env, [&](const auto& rows) { return cone_error_at_rest(env, rows, cone, unit); });
+  });
+  const double most = max_over<double>(team, env.cone_count, [&](Index cone) { return s.share[cone]; });
+  const auto couples = [&](Index a, Index b) {
+    for (Index p = env.cone_row(a); p < env.cone_row(a) + env.cone_size(a); ++p)
+      for (Index q = env.cone_row(b); q < env.cone_row(b) + env.cone_size(b); ++q)
+        if (s.entry(s.A, p, q) != 0.0 || s.entry(s.A, q, p) != 0.0) return true;
+    return false;
+  };
+  single(team, [&] {
+    for (bool has_grown = true; has_grown;) {
+      has_grown = false;
+      for (Index a = 0; a < env.cone_count; ++a)
+        for (Index b = 0; b < env.cone_count && s.share[a] != most; ++b)
+          if (s.share[b] > s.share[a] && couples(a, b)) {
+            s.share[a] = s.share[b];
+            has_grown = true;
+          }
+    }
+  });
+  for_each(team, env.cone_count,
+           [&](Index cone) { s.share[cone] = most > 0.0 ? island_share(most, s.share[cone]) : 1.0; });
+}
+
 /// Fills the system and the guess. Returns flags, on every lane.
 template <Team TeamT, class Real>
 STICTION_HD_OUTLINE std::uint32_t load_tape(TeamT& team, const EnvView<Real>& env, const UnrolledJob<Real>& job,
@@ -172,6 +211,7 @@ STICTION_HD_OUTLINE std::uint32_t load_tape(TeamT& team, const EnvView<Real>& en
     proximal_point<Law::convex>(shape, lone.x, still, 0.0, lone.lo[0], lone.hi[0]);
     for (int k = 0; k < decltype(shape)::kRows; ++k) s.x[first + k] = lone.x[k];
   });
+  weigh_islands(team, env, s);
   return team.combine(flags);
 }
 
@@ -203,28 +243,24 @@ STICTION_HD void keep_sweep(TeamT& team, const EnvView<Real>& env, const Unrolle
   }
 }
 
-/// The square of the natural map at the iterate, by which the solver chooses what it returns; on every lane.
+/// The square of the largest error at the iterate, in shares of the largest error scale, by which the solver chooses what it returns; on every lane.
 template <Team TeamT, class Real>
 STICTION_HD double square_at(TeamT& team, const EnvView<Real>& env, const SweepTape& s) {
   for_each(team, s.n, [&](Index p) { s.lambda[s.row[p]] = s.scale[p] * s.x[p]; });
-  double largest = 0.0;
-  std::uint32_t flags = 0;
+  LargestResidual<double> largest;
   for_each(team, env.n, [&](Index i) {
     s.w[i] = fma_(static_cast<double>(env.R[i]), s.lambda[i], static_cast<double>(env.b[i]));
     for_each_of_row(env, i, [&](Index j, double value) { s.w[i] = fma_(value, s.lambda[j], s.w[i]); });
   });
-  const auto at = [&](const auto& rows) {
-    for_each_shape(team, env, [&](auto shape, Index cone, Index) {
-      largest = max_(cone_residual(shape, cone_point(shape, env, rows, s.lambda, s.w, cone, flags), env.law), largest);
+  for_each(team, env.cone_count, [&](Index cone) {
+    with_rows(env, [&](const auto& rows) {
+      add_cone<false>(
+          env, rows, cone, s.share[cone], 1.0, [&](Index i) { return s.w[i]; },
+          [&](Index i) { return s.lambda[i]; }, largest);
+      return 0;
     });
-  };
-  if (env.factor == nullptr) {
-    at(StoredRows<Real>{&env});
-  } else {
-    at(FactorRows<Real>{&env, nullptr});
-  }
-  largest = team.max(largest);
-  return team.combine(flags) == 0 ? largest : __builtin_huge_val();
+  });
+  return team.max(largest.square);
 }
 
 /// All sweeps. Returns which iterate the solver returns, of those that it looks at; it is left in `best`.

@@ -6,7 +6,7 @@
 #include "core/algorithm/velocity/newton_progress.hpp"
 
 /// Evaluates what decides about an answer, in double whatever the iteration's precision. These are
-/// v+ = v_free + M^-1 J' x, the motion of all rows and the natural map. They are evaluated for as many lanes as a
+/// v+ = v_free + M^-1 J' x, the motion of all rows and the errors of contacts. They are evaluated for as many lanes as a
 /// vector of doubles has, from lane `first` on.
 namespace stiction::inline STICTION_ISA {
 
@@ -253,24 +253,156 @@ struct DoublePack {
     return lanes;
   }
 
-  /// The weights of cones in the residual, and the largest |b| (docs/math/residual.md). b goes to `motion`.
-  STICTION_HD_OUTLINE Double find_scale() const {
-    const Doubles weight = array(workspace.weight), diagonal = array(workspace.diagonal);
-    const Doubles velocity = array(workspace.velocity);
+  /// What errors are measured by: b, which goes to `motion`, metrics of cones, and islands (docs/math/residual.md).
+  /// Returns the largest island's error scale.
+  STICTION_HD_OUTLINE Double find_scale(Law law) const {
+    const Doubles velocity = array(workspace.velocity), motion = array(workspace.motion);
     for (Index k = 0; k < tree.dofs; ++k) velocity.put(k, number(workspace.v_free, k));
     Double largest(0);
-    for (Index s = 0; s < counts.slots; ++s) {
-      const auto& slot = slots[s];
-      Double sum(0);
-      for (Index k = 0; k < slot.rows; ++k) {
-        sum = sum + (diagonal[slot.row + k] + number(workspace.R, slot.row + k));
-        const Double b = row_motion(slot, k, velocity);
-        array(workspace.motion).put(slot.row + k, b);
+    for (Index s = 0; s < counts.slots; ++s)
+      for (Index k = 0; k < slots[s].rows; ++k) {
+        const Double b = row_motion(slots[s], k, velocity);
+        motion.put(slots[s].row + k, b);
         largest = max_(abs_(b), largest);
       }
-      weight.put(s, residual_weight(div_(sum, Double(static_cast<double>(slot.rows)))));
+    Double unit;
+    {
+      double units[Types::kDoubleLanes];
+      for (int l = 0; l < Types::kDoubleLanes; ++l) units[l] = error_unit(lane_of(largest, l));
+      load_lanes(units, unit);
     }
-    return max_(largest, Double(1e-300));
+    array(workspace.error_unit).put(0, unit);
+    Double most(0);
+    for (Index s = 0; s < counts.slots; ++s) {
+      set_metric(slots[s]);
+      const Double own = div_(with_law(s, law, [&](auto shape, auto of) { return error_at_rest<decltype(of)::value>(shape, s); }),
+                              unit);
+      array(workspace.share).put(s, own);
+      most = max_(own, most);
+    }
+    weigh_islands(most);
+    return most;
+  }
+
+  STICTION_HD void set_metric(const SlotOf<Types>& slot) const {
+    const Doubles diagonal = array(workspace.diagonal);
+    const Double a = press_of(slot);
+    for (Index row = slot.row + 1; row < slot.row + slot.rows; ++row) {
+      const auto weights = axis_weights(a, diagonal[row] + number(workspace.R, row), number(workspace.mu, row));
+      array(workspace.axis_press).put(row, weights.press);
+      array(workspace.axis_slip).put(row, weights.slip);
+    }
+  }
+  [[nodiscard]] STICTION_HD Double press_of(const SlotOf<Types>& slot) const {
+    return max_(array(workspace.diagonal)[slot.row] + number(workspace.R, slot.row), Double(0));
+  }
+  /// The mean diagonal of a slot's block, before mu.
+  [[nodiscard]] STICTION_HD Double mean_diagonal(const SlotOf<Types>& slot) const {
+    const Doubles diagonal = array(workspace.diagonal);
+    Double sum(0);
+    for (Index row = slot.row; row < slot.row + slot.rows; ++row)
+      sum = sum + (diagonal[row] + number(workspace.R, row));
+    return residual_weight(div_(sum, Double(static_cast<double>(slot.rows))));
+  }
+  template <class Shape>
+  [[nodiscard]] STICTION_HD auto metric_of(Shape, const SlotOf<Types>& slot) const {
+    ConeMetric<Double, Shape::kRows> metric;
+    metric.a = press_of(slot);
+    for (int k = 1; k < Shape::kRows; ++k) {
+      metric.press[k] = array(workspace.axis_press)[slot.row + k];
+      metric.slip[k] = array(workspace.axis_slip)[slot.row + k];
+    }
+    return metric;
+  }
+
+  /// f(shape, constant of a law) of a slot. Rows between bounds are boxes, whatever their kind: a free row has infinite
+  /// ones.
+  template <class F>
+  STICTION_HD Double with_law(Index s, Law law, F&& f) const {
+    if (slots[s].rows == 1) return f(ConeShape<ConeKind::box, 1>{}, LawConstant<Law::convex>{});
+    return with_shape(ConeKind::friction, slots[s].rows, [&](auto shape) -> Double {
+      if constexpr (decltype(shape)::kKind == ConeKind::friction) {
+        if (law == Law::coulomb) return f(shape, LawConstant<Law::coulomb>{});
+        return f(shape, LawConstant<Law::convex>{});
+      } else {
+        return Double(0);
+      }
+    });
+  }
+  /// The error of a slot's cone at b, without a reaction, in units of 1 / error_unit.
+  template <Law kLaw, class Shape>
+  [[nodiscard]] STICTION_HD Double error_at_rest(Shape shape, Index s) const {
+    constexpr int kRows = Shape::kRows;
+    const auto& slot = slots[s];
+    const Double unit = array(workspace.error_unit)[0];
+    Double none[kRows];
+    Double y[kRows];
+    Double largest(0);
+    for (int k = 0; k < kRows; ++k) {
+      const Double b = array(workspace.motion)[slot.row + k] * unit;
+      none[k] = Double(0);
+      y[k] = k == 0 ? b : number(workspace.mu, slot.row + k) * b;
+      largest = max_(abs_(b), largest);
+    }
+    Double lo(0), hi(0);
+    if constexpr (kRows == 1) {
+      lo = number(workspace.law, 3 * s + 1) * unit;
+      hi = number(workspace.law, 3 * s + 2) * unit;
+    }
+    const Double square = law_error_square<kLaw>(shape, none, y, metric_of(shape, slot), lo, hi);
+    return max_(sqrt_(square), Double(static_cast<double>(kIdleShare)) * largest);
+  }
+
+  /// The lanes in which any of a slot's rows touches column c.
+  [[nodiscard]] STICTION_HD Mask<Double> touches(const SlotOf<Types>& slot, Index c) const {
+    auto found = number(workspace.J, slot.entry + c) != Double(0);
+    for (Index k = 1; k < slot.rows; ++k)
+      found = or_(found, number(workspace.J, slot.entry + static_cast<Offset>(k) * slot.columns + c) != Double(0));
+    return found;
+  }
+
+  /// Turns the cones' own error scales, which are in `share`, into shares of `most`, the largest. A scale spreads from
+  /// cone to degree of freedom, along M, and to cones, until nothing changes.
+  STICTION_HD_OUTLINE void weigh_islands(Double most) const {
+    const Doubles scale = array(workspace.share), reach = array(workspace.scratch);
+    // A slot without a cone in some lane has no diagonal there, and waits for nothing.
+    for (Index s = 0; s < counts.slots; ++s)
+      scale.put(s, select(press_of(slots[s]) > Double(0), scale[s], most));
+    for (;;) {
+      auto behind = Double(0) > Double(0);
+      for (Index s = 0; s < counts.slots; ++s) behind = or_(behind, scale[s] < most);
+      if (!any(behind)) break;
+      for (Index k = 0; k < tree.dofs; ++k) reach.put(k, Double(0));
+      for (Index s = 0; s < counts.slots; ++s)
+        for (Index c = 0; c < slots[s].columns; ++c) {
+          const Index dof = slots[s].dof[c];
+          reach.put(dof, select(touches(slots[s], c), max_(scale[s], reach[dof]), reach[dof]));
+        }
+      spread_along_mass(reach);
+      auto changed = Double(0) > Double(0);
+      for (Index s = 0; s < counts.slots; ++s) {
+        const Double own = scale[s];
+        Double found = own;
+        for (Index c = 0; c < slots[s].columns; ++c)
+          found = select(touches(slots[s], c), max_(reach[slots[s].dof[c]], found), found);
+        scale.put(s, found);
+        changed = or_(changed, found > own);
+      }
+      if (!any(changed)) break;
+    }
+    for (Index s = 0; s < counts.slots; ++s)
+      scale.put(s, select(most > Double(0), island_share(most, scale[s]), Double(1)));
+  }
+  STICTION_HD void spread_along_mass(const Doubles& reach) const {
+    for (Index k = 0; k < tree.dofs; ++k) {
+      const SmallOf<Types>* const path = tree.path(k);
+      for (Index d = tree.first(k); d < tree.depth[k]; ++d) {
+        const auto coupled = number(workspace.M, tree.begin[k] + d) != Double(0);
+        const Double together = max_(reach[k], reach[path[d]]);
+        reach.put(k, select(coupled, together, reach[k]));
+        reach.put(path[d], select(coupled, together, reach[path[d]]));
+      }
+    }
   }
 
   using Evaluated = LargestResidual<Double>;
@@ -294,35 +426,24 @@ struct DoublePack {
       x[k] = unit_reaction(x[k], mu);
       y[k] = mu * y[k];
     }
-    const Double a = array(workspace.weight)[index];
     Double lo(0);
     Double hi(0);
     if constexpr (kRows == 1) {
       lo = number(workspace.law, 3 * index + 1);
       hi = number(workspace.law, 3 * index + 2);
     }
-    evaluated.template add<kLaw>(shape, x, y, a, lo, hi);
+    evaluated.template add<kLaw>(shape, x, y, metric_of(shape, slot), lo, hi, array(workspace.share)[index],
+                                 array(workspace.error_unit)[0]);
   }
 
-  /// Rows between bounds are boxes, whatever their kind: a free row has infinite ones.
   STICTION_HD_OUTLINE Evaluated evaluate(Law law) const {
     move();
     Evaluated evaluated;
-    for (Index s = 0; s < counts.slots; ++s) {
-      if (slots[s].rows == 1) {
-        evaluate_slot<Law::convex>(ConeShape<ConeKind::box, 1>{}, s, evaluated);
-        continue;
-      }
-      with_shape(ConeKind::friction, slots[s].rows, [&](auto shape) {
-        if constexpr (decltype(shape)::kKind == ConeKind::friction) {
-          if (law == Law::coulomb) {
-            evaluate_slot<Law::coulomb>(shape, s, evaluated);
-          } else {
-            evaluate_slot<Law::convex>(shape, s, evaluated);
-          }
-        }
+    for (Index s = 0; s < counts.slots; ++s)
+      with_law(s, law, [&](auto shape, auto of) {
+        evaluate_slot<decltype(of)::value>(shape, s, evaluated);
+        return Double(0);
       });
-    }
     return evaluated;
   }
 };

@@ -2,7 +2,7 @@
 
 #include <cstdint>
 
-#include "core/base/real.hpp"
+#include "core/algorithm/residual/final_residual.hpp"
 #include "core/job/velocity_job.hpp"
 
 /// How far an environment of Newton's method in velocities is, and when it is given up.
@@ -46,11 +46,14 @@ STICTION_HD bool steps_in_double(const VelocityJob<Real>& job, Offset env) {
 /// How far an environment is.
 struct LaneProgress {
   double tolerance = 0.0;
-  double scale = 1.0;                  ///< max|b|
+  double scale = 1.0;                  ///< the largest island's error scale                    [w]
+  double absolute_tolerance = 0.0;     ///<                                                     [w]
   double goal = 0.0;                   ///< error, relative, at which the lane is evaluated
   double best = __builtin_huge_val();  ///< least residual so far, relative
   double mark = __builtin_huge_val();  ///< residual that is to be halved, relative
-  double absolute = 0.0;               ///< the last residual [w]
+  double residual = 0.0;               ///< the last one, in shares of the largest scale        [w]
+  double relative = 0.0;               ///< over that scale                                     [-]
+  double absolute = 0.0;               ///< largest error of a contact                          [w]
   std::uint32_t flags = 0;             ///< EnvFlag bits
   Index max_iterations = 0;
   Index steps = 0;
@@ -58,7 +61,8 @@ struct LaneProgress {
   int evaluations = 0;
   Index mixed = 0;  ///< evaluations that the next shift may be mixed of
   bool is_busy = false;
-  bool is_solved = false;
+  bool is_answered = false;
+  bool is_rounding = false;
   bool starts_at_velocity = false;  ///< and not at what reactions lead to
   bool has_outer = false;           ///< solves a sequence of problems: Coulomb's law, or a proximal term
 
@@ -67,8 +71,22 @@ struct LaneProgress {
   STICTION_HD void set_limits(const VelocityJob<Real>& job, Offset env, Index most) {
     const Index* const own_iterations = job.batch.env_max_iterations;
     tolerance = tolerance_of(job, env);
+    absolute_tolerance = job.absolute_tolerance;
     max_iterations = own_iterations != nullptr && own_iterations[env] >= 0 ? own_iterations[env] : job.max_iterations;
     max_iterations = max_iterations < most ? max_iterations : most;
+  }
+  /// Takes in what was found of reactions in precision Real.
+  template <class Real>
+  STICTION_HD void take(const FinalResidual& found) {
+    const Verdict verdict = judge<Real>(found, scale, {tolerance, absolute_tolerance});
+    residual = verdict.relative * scale;
+    relative = verdict.relative;
+    absolute = verdict.absolute;
+    is_rounding = verdict.is_rounding;
+    is_answered = verdict.is_solved || verdict.is_rounding;
+  }
+  [[nodiscard]] STICTION_HD VelocityResult result() const {
+    return {relative, absolute, flags, steps, is_answered, is_answered && is_rounding};
   }
 };
 

@@ -105,7 +105,7 @@ STICTION_HD_OUTLINE void solve_pack(const VelocityJob<typename Types::Real>& job
       },
       listed);
   if (is_taken) return;
-  for (Index l = 0; l < count; ++l) members[l].result->is_solved = false;
+  for (Index l = 0; l < count; ++l) members[l].result->is_answered = false;
 }
 
 }  // namespace stiction::inline STICTION_ISA

@@ -38,8 +38,7 @@ class VelocityNewton {
     while (iterate()) evaluate();
     for (int l = 0; l < kLanes; ++l) {
       const LaneProgress& lane = progress_[l];
-      if (envs_[l].env >= 0)
-        *envs_[l].result = VelocityResult{lane.absolute, lane.scale, lane.flags, lane.steps, lane.is_solved};
+      if (envs_[l].env >= 0) *envs_[l].result = lane.result();
     }
   }
 
@@ -82,10 +81,10 @@ class VelocityNewton {
       const auto definite = part.factor_mass();
       for (Index k = 0; k < tree_.dofs; ++k) part.put(workspace_.mobility, k, part.array(workspace_.pivot)[k]);
       part.find_diagonal();
-      const Double scale = part.find_scale();
+      const Double scale = part.find_scale(job_.law);
       for (int l = 0; l < Types::kDoubleLanes; ++l) {
         LaneProgress& lane = progress_[part.first + l];
-        lane.scale = lane_of(scale, l);
+        lane.scale = max_(lane_of(scale, l), 1e-300);
         lane.is_busy = lane.is_busy && is_set(definite, l) && finite_(lane.scale);
       }
     });
@@ -299,7 +298,10 @@ class VelocityNewton {
     for_each_part([&](const DoublePack<Types>& part) {
       const auto evaluated = part.evaluate(job_.law);
       for (int l = 0; l < Types::kDoubleLanes; ++l)
-        f(part.first + l, FinalResidual{sqrt_(lane_of(evaluated.square, l)), lane_of(evaluated.rounding_floor, l)});
+        f(part.first + l, final_residual_of({lane_of(evaluated.square, l), lane_of(evaluated.stuck, l),
+                                             lane_of(evaluated.plain, l), lane_of(evaluated.size, l),
+                                             lane_of(evaluated.reaction, l)},
+                                            {1.0, lane_of(part.array(workspace_.error_unit)[0], l)}));
     });
   }
 
@@ -317,12 +319,10 @@ class VelocityNewton {
   /// The relative residual of a lane's reactions, which are written if it is small enough.
   STICTION_HD double accept(int l, const FinalResidual& found) {
     LaneProgress& lane = progress_[l];
-    lane.absolute = reported_residual(found, lane.tolerance * lane.scale);
-    const double relative = div_(lane.absolute, lane.scale);
-    lane.is_solved = finite_(relative) && relative <= lane.tolerance;
-    lane.is_busy = !lane.is_solved;
-    if (lane.is_solved) write_lane(l);
-    return relative;
+    lane.template take<Real>(found);
+    lane.is_busy = !lane.is_answered;
+    if (lane.is_answered) write_lane(l);
+    return lane.relative;
   }
 
   STICTION_HD_OUTLINE void judge_guess(int l, const FinalResidual& found) {

@@ -6,25 +6,29 @@
 /// From what is known of an environment's parts to its status.
 namespace stiction::inline STICTION_ISA {
 
-/// Takes a part in. Residuals are relative to the largest |b| of the whole environment, of which no part's is larger.
-/// So parts that are solved make a whole that is solved.
+/// Takes a part in, whose islands are islands of the whole.
 STICTION_HD void join(VelocityResult& whole, const VelocityResult& part) {
+  whole.relative = max_(part.relative, whole.relative);
   whole.absolute = max_(part.absolute, whole.absolute);
-  whole.scale = max_(part.scale, whole.scale);
   whole.flags |= part.flags;
   whole.steps = part.steps > whole.steps ? part.steps : whole.steps;
-  whole.is_solved = whole.is_solved && part.is_solved;
+  whole.is_answered = whole.is_answered && part.is_answered;
+  whole.is_rounding = whole.is_rounding || part.is_rounding;
 }
 
 /// Writes down whether an environment is answered, and its status if it is.
 template <class Real>
 STICTION_HD void finish(const VelocityJob<Real>& job, Offset env, const VelocityResult& result) {
-  job.answered[env] = result.is_solved ? 1 : 0;
-  if (!result.is_solved) return;
+  job.answered[env] = result.is_answered ? 1 : 0;
+  if (!result.is_answered) return;
   const std::uint32_t before = job.batch.env_flags == nullptr ? 0U : job.batch.env_flags[env];
-  job.to.status[env] = EnvStatus{
-      div_(result.absolute, result.scale), result.absolute,   before | result.flags, result.steps, EnvCode::solved,
-      SolverKind::velocity_newton,         {0, 0, 0, 0, 0, 0}};
+  job.to.status[env] = EnvStatus{result.relative,
+                                 result.absolute,
+                                 before | result.flags,
+                                 result.steps,
+                                 result.is_rounding ? EnvCode::rounding : EnvCode::solved,
+                                 SolverKind::velocity_newton,
+                                 {0, 0, 0, 0, 0, 0}};
 }
 
 }  // namespace stiction::inline STICTION_ISA

@@ -51,7 +51,10 @@ struct VelocityWorkspace {
   double* pivot;      ///< inverse pivots of M                                   (dofs; lanes)
   double* velocity;   ///< v_free + M^-1 J' x                                    (dofs; lanes)
   double* motion;     ///< of the reactions' rows                                (rows; lanes)
-  double* weight;     ///< of each cone in the residual                          (slots; lanes)
+  double* error_unit;  ///< ErrorScale::unit                                     (1; lanes)
+  double* share;       ///< of each cone's island, over the largest error scale  (slots; lanes)
+  double* axis_press;  ///< ConeMetric's weights of rows                         (rows; lanes)
+  double* axis_slip;   ///<                                                      (rows; lanes)
   double* diagonal;   ///< of A, row by row of a cone, scaled                    (rows; lanes)
   double* scratch;    ///<                                                       (dofs; lanes)
   double* wide_rows;  ///< three rows of J, by depth                             (3 dofs; lanes)
@@ -61,7 +64,7 @@ struct VelocityWorkspace {
   static STICTION_HD constexpr Offset doubles(const SlotCounts& counts, Index dofs, Index tree_entries) {
     const Offset rows = counts.rows, slots = counts.slots;
     const Offset numbers = counts.entries + 12 * rows + 6 * slots + 6 * Offset{dofs} + 2 * Offset{tree_entries};
-    const Offset wide = Offset{tree_entries} + 7 * Offset{dofs} + 2 * rows + (1 + kSlips) * slots;
+    const Offset wide = 1 + Offset{tree_entries} + 7 * Offset{dofs} + 4 * rows + (1 + kSlips) * slots;
     return kStride * (wide + (numbers + kDouble - 1) / kDouble);
   }
 
@@ -81,7 +84,10 @@ struct VelocityWorkspace {
     wide_rows = take_doubles(3 * Offset{dofs});
     motion = take_doubles(counts.rows);
     diagonal = take_doubles(counts.rows);
-    weight = take_doubles(counts.slots);
+    axis_press = take_doubles(counts.rows);
+    axis_slip = take_doubles(counts.rows);
+    error_unit = take_doubles(1);
+    share = take_doubles(counts.slots);
     slip = take_doubles(kSlips * Offset{counts.slots});
     Number* rest = reinterpret_cast<Number*>(memory);
     const auto take = [&rest, lane](Offset count) {

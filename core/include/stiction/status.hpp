@@ -19,10 +19,14 @@ enum class EnvCode : std::uint8_t {
   numerical = 3,       ///< the iteration left the finite numbers; the best finite iterate is returned
   invalid_input = 4,   ///< see the flags; lambda = 0 and w = 0 are returned
   unsupported = 5,     ///< the solver cannot treat this system (see the flags); lambda = 0, w = b
+  rounding = 6,        ///< the residual is above the tolerance, and roundings of the reactions are all that is left of
+                       ///< it: no solver gets below in this precision. The best iterate seen is returned
+  infeasible = 7,      ///< a contact that nothing can move is pressed (kFlagBadDiagonal); it has no reaction, all others
+                       ///< have theirs
 };
 
 /// Number of EnvCode values; status counts are arrays of this length.
-inline constexpr int kEnvCodeCount = 6;
+inline constexpr int kEnvCodeCount = 8;
 
 /// What was noticed about one environment; any number of bits at once.
 enum EnvFlag : std::uint32_t {
@@ -52,8 +56,8 @@ inline constexpr int kEnvFlagCount = 13;
 
 /// The record every environment gets, on the device that solved it. 32 bytes, no padding.
 struct EnvStatus {
-  double residual;           ///< natural map of the returned lambda / max|b|, or what rounding hides of it  [-]
-  double residual_absolute;  ///< the same in units of w
+  double residual;           ///< largest error of a contact over its island's scale (docs/math/residual.md)  [-]
+  double residual_absolute;  ///< largest error of a contact  [w]
   std::uint32_t flags;       ///< EnvFlag bits
   std::int32_t iterations;   ///< iterations of the solver that answered
   EnvCode code;              ///< how it ended

@@ -34,7 +34,7 @@ enum SpaceEnd : int { kSpaceMet, kSpaceStalled, kSpaceBroken, kSpaceOutOfSteps }
 
 /// Where a sub-step stands. Lanes of a team hold equal copies.
 struct SpaceProgress {
-  double scale = 0.0;                  ///< max|b| [w]
+  ErrorScale scale;
   double tolerance = 0.0;              ///< on the residual over it
   double best = __builtin_huge_val();  ///< smallest residual [w]
   bool has_best = false;
@@ -50,7 +50,7 @@ struct SpaceProgress {
 template <Team TeamT, class Real, Law kLaw>
 STICTION_HD double evaluate_iterate(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s,
                                     const SiParams& params, SpaceProgress& progress) {
-  const double residual = residual_of(team, env, s, s.x, params, false).residual;
+  const double residual = residual_of(team, env, s, s.x, params, progress.scale, false).residual;
   if (!progress.has_best || residual < progress.best) {
     progress.best = residual;
     progress.has_best = true;
@@ -60,7 +60,7 @@ STICTION_HD double evaluate_iterate(TeamT& team, const BodyEnv<Real>& env, const
 }
 
 STICTION_HD bool is_met(const SpaceProgress& progress) {
-  return div_(progress.best, progress.scale) <= progress.tolerance;
+  return div_(progress.best, progress.scale.largest) <= progress.tolerance;
 }
 
 /// The best iterate becomes s.x.
@@ -230,18 +230,16 @@ STICTION_HD void solve_bodies_newton(TeamT& team, const BodyEnv<Real>& env, cons
     end = solve_substep(team, env, s, params, space, workspace, progress, steps);
     if (step + 1 < params.substeps) leave_with_best(team, env, s, params);
   }
-  double absolute = evaluate_bodies(team, env, s, params, entry.scale);
-  if (!finite_(div_(absolute, entry.scale))) {
-    entry.scale = max_(fall_back(team, env, s, params), 1e-300);
-    absolute = evaluate_bodies(team, env, s, params, entry.scale);
+  Verdict verdict = evaluate_bodies(team, env, s, params, entry.scale);
+  if (!finite_(verdict.relative)) {
+    entry.scale = fall_back(team, env, s, params);
+    verdict = evaluate_bodies(team, env, s, params, entry.scale);
   }
-  const double relative = div_(absolute, entry.scale);
-  const EnvCode code = finite_(relative) && relative <= params.tolerance ? EnvCode::solved
-                       : end == kSpaceBroken                             ? EnvCode::numerical
-                       : end == kSpaceOutOfSteps                         ? EnvCode::max_iterations
-                                                                         : EnvCode::stalled;
+  const EnvCode code = verdict.code(end == kSpaceBroken       ? EnvCode::numerical
+                                    : end == kSpaceOutOfSteps ? EnvCode::max_iterations
+                                                              : EnvCode::stalled);
   write_bodies(team, env, s);
-  write_body_status(team, env, params, code, entry.flags, steps, relative, absolute);
+  write_body_status(team, env, params, code, entry.flags, steps, verdict.relative, verdict.absolute);
 }
 
 /// The method as a machine calls it: on one environment of a job, with scratch of BodySystem's sizes and, behind

@@ -46,7 +46,7 @@ class BlockNewton {
     progress_.set_limits(job_, env_.env, job_.law == Law::coulomb ? kMostCoulombSteps : kMostConvexSteps);
     // With tolerance 0 every iteration is asked for, and this method would end at rounding.
     if (progress_.tolerance > 0.0 && load()) solve();
-    return {progress_.absolute, progress_.scale, progress_.flags, progress_.steps, progress_.is_solved};
+    return progress_.result();
   }
 
  private:
@@ -79,7 +79,11 @@ class BlockNewton {
       find_diagonal(lists_, mass_, n_, c, path);
       if (!set_weight(terms_, c)) is_bad = 1;
     });
-    progress_.scale = max_(max_over<double>(team_, env_.rows, [&](Index row) { return abs_(n_.b[row]); }), 1e-300);
+    const double largest = max_over<double>(team_, env_.rows, [&](Index row) { return abs_(n_.b[row]); });
+    judge_.scale.unit = error_unit(largest);
+    judge_.scale.largest =
+        max_(weigh_islands(team_, terms_, mass_, job_.law, judge_.scale.unit), 1e-300);
+    progress_.scale = judge_.scale.largest;
     return team_.combine(is_bad) == 0 && finite_(progress_.scale);
   }
 
@@ -117,14 +121,14 @@ class BlockNewton {
       ++progress_.steps;
       const double before = progress_.best;
       const double inner = judge();
-      if (progress_.is_solved || !finite_(progress_.absolute)) return;
+      if (progress_.is_answered || !finite_(progress_.residual)) return;
       since_best = progress_.best < before ? 0 : since_best + 1;
-      const bool is_met = is_exhausted || inner <= kInnerPart * progress_.absolute;
+      const bool is_met = is_exhausted || inner <= kInnerPart * progress_.residual;
       if (is_exhausted && !progress_.has_outer) return;
-      if (can_sweep && has_slip_ && (++problem_steps_ >= kLongProblem || (is_met && progress_.absolute > renewed_))) {
+      if (can_sweep && has_slip_ && (++problem_steps_ >= kLongProblem || (is_met && progress_.residual > renewed_))) {
         if (sweep()) return;
       } else if (progress_.has_outer && is_met) {
-        renewed_ = progress_.absolute;
+        renewed_ = progress_.residual;
         renew();
         ++progress_.steps;
       }
@@ -139,7 +143,7 @@ class BlockNewton {
     for (Index k = 0; k < sweeps_; k += kSweepChunk) {
       sweeping_.run(team_, kSweepChunk, momentum);
       judge();
-      if (progress_.is_solved) return true;
+      if (progress_.is_answered) return true;
       // The velocities are those of the reactions that were judged.
       for_each(team_, env_.rows, [&](Index row) { n_.x[row] = n_.answer[row]; });
     }
@@ -207,11 +211,11 @@ class BlockNewton {
         job_.warm_start != nullptr && (progress_.has_outer || job_.warm_velocity == nullptr) && load_reactions();
     refresh();
     judge();
-    if (by_reactions && !progress_.is_solved) {
+    if (by_reactions && !progress_.is_answered) {
       for_each(team_, env_.rows, [&](Index row) { n_.x[row] = n_.held[row]; });
       judge();
     }
-    if (progress_.is_solved) return true;
+    if (progress_.is_answered) return true;
     const bool by_velocity = !by_reactions && job_.warm_velocity != nullptr && has_finite_velocity();
     if (!by_reactions && !by_velocity) return false;
     refresh();
@@ -225,7 +229,7 @@ class BlockNewton {
     });
     refresh();
     judge();
-    if (progress_.is_solved || terms_.value(team_, mass_) <= without) return progress_.is_solved;
+    if (progress_.is_answered || terms_.value(team_, mass_) <= without) return progress_.is_answered;
     for_each(team_, terms_.unknowns(), [&](Index i) { n_.point[i] = 0.0; });
     refresh();
     return false;
@@ -300,15 +304,13 @@ class BlockNewton {
     for_each(team_, env_.rows,
              [&](Index row) { n_.answer[row] = static_cast<double>(canonical_zero(saturated<Real>(n_.x[row]))); });
     const BlockResidual evaluated = judge_.evaluate(team_);
-    progress_.absolute = reported_residual(evaluated.found, progress_.tolerance * progress_.scale);
-    if (progress_.absolute < progress_.best || !has_best_) {
-      progress_.best = progress_.absolute;
+    progress_.template take<Real>(evaluated.found);
+    if (progress_.residual < progress_.best || !has_best_) {
+      progress_.best = progress_.residual;
       has_best_ = true;
       for_each(team_, env_.rows, [&](Index row) { n_.best[row] = n_.answer[row]; });
     }
-    const double relative = div_(progress_.absolute, progress_.scale);
-    progress_.is_solved = finite_(relative) && relative <= progress_.tolerance;
-    if (progress_.is_solved) write();
+    if (progress_.is_answered) write();
     return evaluated.inner;
   }
 

@@ -60,7 +60,7 @@ struct BlockLists {
 /// The numbers of an environment, in double whatever the batch's precision. Rows are in the batch's units and order.
 struct BlockWorkspace {
   static constexpr Index kSteps = 4;
-  static constexpr Offset kByRow = 20 + kMaxConeRows, kByCone = 13, kByUnknown = 7 + kStabilizedVectors;
+  static constexpr Offset kByRow = 22 + kMaxConeRows, kByCone = 14, kByUnknown = 7 + kStabilizedVectors;
 
   double* J;              ///< of each touch, kBodyBlock numbers for each of its cone's rows
   double* Y;              ///< M^-1 J' of each cone, for the blocks that it pushes
@@ -88,7 +88,10 @@ struct BlockWorkspace {
   double* law;            ///< RowLaw or ConeLaw                                            (3 cones)
   double* slope;          ///< of a friction cone: across, slide, bend                      (3 cones)
   double* steps;          ///< of a sweep: inv_n, inv_t, damping, share                     (kSteps cones)
-  double* weight;         ///< in the residual                                              (cones)
+  double* axis_press;     ///< ConeMetric's weights                                         (rows)
+  double* axis_slip;      ///<                                                              (rows)
+  double* weight;         ///< what steps count as in units of w                            (cones)
+  double* share;          ///< of its island, over the largest error scale                  (cones)
   double* line_slope;     ///< of each cone, along a line                                   (cones)
   double* line_curve;     ///<                                                              (cones)
   double* v_free;         ///<                                                              (unknowns)
@@ -125,12 +128,13 @@ struct BlockWorkspace {
     };
     for (double** part : {&J, &Y}) *part = take(Offset{kMostTouches} * kBodyBlock * extent.rows);
     for (double** part : {&target, &b,    &R,        &mu,     &prox,   &held, &shift,    &z,      &x,     &unit,
-                          &line,   &bent, &diagonal, &motion, &answer, &best, &x_before, &unit_x, &sigma, &feedback})
+                          &line,   &bent, &diagonal, &motion, &answer, &best, &x_before, &unit_x, &sigma, &feedback,
+                          &axis_press, &axis_slip})
       *part = take(extent.rows);
     B = take(kMaxConeRows * Offset{extent.rows});
     steps = take(kSteps * Offset{extent.cones});
     for (double** part : {&law, &slope}) *part = take(3 * Offset{extent.cones});
-    for (double** part : {&weight, &line_slope, &line_curve}) *part = take(extent.cones);
+    for (double** part : {&weight, &share, &line_slope, &line_curve}) *part = take(extent.cones);
     const Offset unknowns = kBodyBlock * DofBlocks::most(extent.dofs);
     for (double** part : {&v_free, &point, &step, &force, &pushed, &pushed_before, &mobility}) *part = take(unknowns);
     gradients = take(kStabilizedVectors * unknowns);

@@ -12,11 +12,12 @@ struct BlockResidual {
 };
 
 /// The judge of an environment in blocks, of reactions as the batch's precision has them. It finds
-/// v+ = v_free + M^-1 J' lambda, the motion of all rows and the natural map.
+/// v+ = v_free + M^-1 J' lambda, the motion of all rows and the errors of contacts.
 struct BlockJudge {
   const BlockTerms& terms;
   const MassBlocks& mass;
   Law law;
+  ErrorScale scale{};
 
   /// pushed = M^-1 J' reactions.
   template <Team TeamT>
@@ -44,41 +45,9 @@ struct BlockJudge {
         inner = max_(abs_(((images[k] + n.b[row]) + n.shift[row]) - n.z[row]), inner);
         n.motion[row] = fma_(n.R[row], n.answer[row], images[k] + n.b[row]);
       }
-      add_cone(c, largest);
+      add_block_cone(terms, c, law, n.answer, n.motion, n.share[c], scale.unit, largest);
     });
-    return {{sqrt_(team.max(largest.square)), team.max(largest.rounding_floor)}, team.max(inner)};
-  }
-
- private:
-  /// Rows between bounds are boxes, whatever their kind: a free row has infinite ones.
-  STICTION_HD void add_cone(Index c, LargestResidual<double>& largest) const {
-    if (terms.cones().rows(c) == 1) {
-      add<Law::convex>(ConeShape<ConeKind::box, 1>{}, c, largest);
-      return;
-    }
-    with_shape(ConeKind::friction, terms.cones().rows(c), [&](auto shape) {
-      if constexpr (decltype(shape)::kKind == ConeKind::friction) {
-        if (law == Law::coulomb) {
-          add<Law::coulomb>(shape, c, largest);
-        } else {
-          add<Law::convex>(shape, c, largest);
-        }
-      }
-    });
-  }
-  template <Law kLaw, class Shape>
-  STICTION_HD void add(Shape shape, Index c, LargestResidual<double>& largest) const {
-    constexpr int kRows = Shape::kRows;
-    const BlockWorkspace& n = terms.n;
-    double x[kRows];
-    double y[kRows];
-    for (int k = 0; k < kRows; ++k) {
-      const Index row = terms.cones().row[c] + k;
-      x[k] = k == 0 ? n.answer[row] : unit_reaction(n.answer[row], n.mu[row]);
-      y[k] = n.mu[row] * n.motion[row];
-    }
-    const double lo = kRows == 1 ? n.law[3 * c + 1] : 0.0, hi = kRows == 1 ? n.law[3 * c + 2] : 0.0;
-    largest.template add<kLaw>(shape, x, y, n.weight[c], lo, hi);
+    return {final_residual_of(team, largest, scale), team.max(inner)};
   }
 };
 

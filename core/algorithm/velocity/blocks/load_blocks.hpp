@@ -1,6 +1,6 @@
 #pragma once
 
-#include "core/algorithm/residual/residual_estimate.hpp"
+#include "core/algorithm/residual/final_residual.hpp"
 #include "core/algorithm/velocity/blocks/block_terms.hpp"
 #include "core/algorithm/velocity/load_pack.hpp"
 #include "core/algorithm/velocity/newton_progress.hpp"
@@ -110,7 +110,115 @@ STICTION_HD void find_diagonal(const BlockLists& lists, const MassBlocks& mass, 
   }
 }
 
-/// b of a cone's rows and its weight in the residual. Returns whether its diagonal is positive.
+/// The metric of a cone in blocks.
+template <class Shape>
+STICTION_HD ConeMetric<double, Shape::kRows> block_cone_metric(Shape, const BlockTerms& terms, Index c) {
+  const BlockWorkspace& n = terms.n;
+  const Index first = terms.cones().row[c];
+  ConeMetric<double, Shape::kRows> metric;
+  metric.a = max_(n.diagonal[first] + n.R[first], 0.0);
+  for (int k = 0; k < Shape::kRows; ++k) {
+    metric.press[k] = n.axis_press[first + k];
+    metric.slip[k] = n.axis_slip[first + k];
+  }
+  return metric;
+}
+
+/// Adds the error of a cone's reactions x, of which y is the motion. Rows between bounds are boxes, whatever their kind: a free row has
+/// infinite ones.
+STICTION_HD void add_block_cone(const BlockTerms& terms, Index c, Law law, const double* reaction, const double* motion,
+                                double share, double unit, LargestResidual<double>& largest) {
+  const BlockWorkspace& n = terms.n;
+  const Index first = terms.cones().row[c];
+  const auto add = [&](auto shape, auto of) {
+    constexpr int kRows = decltype(shape)::kRows;
+    double x[kRows];
+    double y[kRows];
+    for (int k = 0; k < kRows; ++k) {
+      const double own = reaction == nullptr ? 0.0 : reaction[first + k];
+      x[k] = k == 0 ? own : unit_reaction(own, n.mu[first + k]);
+      y[k] = n.mu[first + k] * motion[first + k];
+    }
+    const double lo = kRows == 1 ? n.law[3 * c + 1] : 0.0, hi = kRows == 1 ? n.law[3 * c + 2] : 0.0;
+    largest.template add<decltype(of)::value>(shape, x, y, block_cone_metric(shape, terms, c), lo, hi, share, unit);
+  };
+  if (terms.cones().rows(c) == 1) {
+    add(ConeShape<ConeKind::box, 1>{}, LawConstant<Law::convex>{});
+    return;
+  }
+  with_shape(ConeKind::friction, terms.cones().rows(c), [&](auto shape) {
+    if constexpr (decltype(shape)::kKind == ConeKind::friction) {
+      if (law == Law::coulomb) {
+        add(shape, LawConstant<Law::coulomb>{});
+      } else {
+        add(shape, LawConstant<Law::convex>{});
+      }
+    }
+  });
+}
+
+/// The error scale of a cone alone, from b. `unit`: ErrorScale's.
+STICTION_HD double error_at_rest(const BlockTerms& terms, Index c, Law law, double unit) {
+  const BlockWorkspace& n = terms.n;
+  LargestResidual<double> own;
+  add_block_cone(terms, c, law, nullptr, n.b, 1.0, unit, own);
+  double largest = 0.0;
+  for (Index row = terms.cones().row[c]; row < terms.cones().row[c + 1]; ++row)
+    largest = max_(abs_(n.b[row]), largest);
+  return max_(div_(sqrt_(own.square), unit), static_cast<double>(kIdleShare) * largest);
+}
+
+/// One pass of scales in n.share over degrees of freedom, whose own is in n.force, and along M. Whether any changed.
+STICTION_HD bool spread_scales(const BlockTerms& terms, const MassBlocks& mass) {
+  const BlockWorkspace& n = terms.n;
+  const ConeTouches& cones = terms.cones();
+  const DofBlocks& dofs = terms.lists.dofs;
+  double* const reach = n.force;
+  const auto for_each_touched = [&](Index c, auto&& f) {
+    for (Index t = cones.begin[c]; t < cones.begin[c + 1]; ++t)
+      for (Index e = 0; e < cones.rows(c) * kBodyBlock; ++e)
+        if (n.J[cones.entry[t] + e] != 0.0) f(cones.block[t] * kBodyBlock + e % kBodyBlock);
+  };
+  for (Index i = 0; i < dofs.unknowns(); ++i) reach[i] = 0.0;
+  for (Index c = 0; c < cones.cones; ++c)
+    for_each_touched(c, [&](Index i) { reach[i] = max_(n.share[c], reach[i]); });
+  for (Index row = 0; row < dofs.count; ++row)
+    for (Index column = dofs.of_block[row]; column <= row; ++column)
+      for (Index e = 0; e < kBodyBlock * kBodyBlock; ++e) {
+        if (mass.M[mass.at(row, column) + e] == 0.0) continue;
+        double& a = reach[row * kBodyBlock + e / kBodyBlock];
+        double& b = reach[column * kBodyBlock + e % kBodyBlock];
+        a = b = max_(a, b);
+      }
+  bool has_changed = false;
+  for (Index c = 0; c < cones.cones; ++c) {
+    double found = n.share[c];
+    for_each_touched(c, [&](Index i) { found = max_(reach[i], found); });
+    has_changed = has_changed || found > n.share[c];
+    n.share[c] = found;
+  }
+  return has_changed;
+}
+
+/// Error scales of islands: n.share becomes each cone's share of the largest, which is returned.
+template <Team TeamT>
+STICTION_HD_OUTLINE double weigh_islands(TeamT& team, const BlockTerms& terms, const MassBlocks& mass, Law law,
+                                         double unit) {
+  const BlockWorkspace& n = terms.n;
+  const Index cones = terms.cones().cones;
+  for_each(team, cones, [&](Index c) { n.share[c] = error_at_rest(terms, c, law, unit); });
+  const double most = max_over<double>(team, cones, [&](Index c) { return n.share[c]; });
+  single(team, [&] {
+    bool differ = false;
+    for (Index c = 0; c < cones; ++c) differ = differ || n.share[c] != most;
+    while (differ) differ = spread_scales(terms, mass);
+  });
+  for_each(team, cones,
+           [&](Index c) { n.share[c] = most > 0.0 ? island_share(most, n.share[c]) : 1.0; });
+  return most;
+}
+
+/// b of a cone's rows, its metric and what its steps count as. Returns whether its diagonal is positive.
 STICTION_HD bool set_weight(const BlockTerms& terms, Index c) {
   const BlockWorkspace& n = terms.n;
   const Index first = terms.cones().row[c], count = terms.cones().rows(c);
@@ -122,6 +230,12 @@ STICTION_HD bool set_weight(const BlockTerms& terms, Index c) {
     trace = trace + (n.diagonal[row] + n.R[row]);
   }
   n.weight[c] = residual_weight(div_(trace, static_cast<double>(count)));
+  const double a = max_(n.diagonal[first] + n.R[first], 0.0);
+  for (Index row = first; row < first + count; ++row) {
+    const auto weights = axis_weights(a, n.diagonal[row] + n.R[row], n.mu[row]);
+    n.axis_press[row] = weights.press;
+    n.axis_slip[row] = weights.slip;
+  }
   return n.diagonal[first] + n.R[first] > 0.0;
 }
 
