@@ -16,136 +16,197 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-/// Keeps a scale that divides away from zero: an environment at rest (b = 0).
-constexpr double kTiny = 1e-300;
+/// A bound of that size or more counts as infinite.
+constexpr double kBoundless = 1e20;
 
-/// The largest of the values seen; one that is not finite makes it infinite for good.
-class Largest {
- public:
-  void see(double value) {
-    if (!std::isfinite(value)) value_ = kInfinity;
-    if (value > value_) value_ = value;
-  }
-  [[nodiscard]] double value() const { return value_; }
+/// Share of the largest |b| of a cone that its island's scale is at least.
+constexpr double kIdle = 1e-4;
 
- private:
-  double value_ = 0.0;
-};
+/// Numbers of one cone. Their exponents reach far beyond a double's, so that no square over- or underflows.
+using Wide = long double;
 
-/// The Euclidean norm; numbers whose squares over- or underflow do not spoil it, since they are scaled by a power of
-/// two.
-double norm(const double* values, std::size_t count) {
-  Largest largest;
-  for (std::size_t k = 0; k < count; ++k) largest.see(std::abs(values[k]));
-  if (largest.value() == 0.0 || !std::isfinite(largest.value())) return largest.value();
-  const int exponent = std::ilogb(largest.value());
-  double sum = 0.0;
-  for (std::size_t k = 0; k < count; ++k) {
-    const double scaled = std::scalbn(values[k], -exponent);
-    sum += scaled * scaled;
-  }
-  return std::scalbn(std::sqrt(sum), exponent);
+Wide larger(Wide a, Wide b) {
+  return a < b ? b : a;
+}
+Wide smaller(Wide a, Wide b) {
+  return b < a ? b : a;
 }
 
-/// The coordinates of one cone in which friction is the circular unit cone; up to kMaxConeRows of them.
+/// A distance; one that is not finite is infinite.
+Wide finite_or_infinite(Wide value) {
+  return std::isfinite(value) ? value : static_cast<Wide>(kInfinity);
+}
+
+/// Up to kMaxConeRows numbers.
 struct ConeVector {
-  std::array<double, kMaxConeRows> at{};
+  std::array<Wide, kMaxConeRows> at{};
   std::size_t size = 0;
 
-  void push(double value) { at[size++] = value; }
-  [[nodiscard]] double tail_norm() const { return norm(at.data() + 1, size - 1); }
+  void push(Wide value) { at[size++] = value; }
 };
 
-/// The nearest point of the cone n >= norm(t).
-ConeVector project_circular(const ConeVector& z) {
-  const double normal = z.at[0], tangential = z.tail_norm();
-  if (tangential <= normal) return z;
-  ConeVector result;
-  result.size = z.size;
-  if (tangential <= -normal) return result;
-  const double onto = 0.5 * (normal + tangential);
-  result.at[0] = onto;
-  for (std::size_t k = 1; k < z.size; ++k) result.at[k] = onto * (z.at[k] / tangential);
-  return result;
+/// Adds up squares.
+class Norm {
+ public:
+  Norm& see(Wide value) {
+    sum_ += value * value;
+    return *this;
+  }
+  [[nodiscard]] Wide value() const { return std::sqrt(sum_); }
+
+ private:
+  Wide sum_ = 0;
+};
+
+Wide norm(Wide a, Wide b) {
+  return Norm().see(a).see(b).value();
 }
 
-double clamp(double value, double lo, double hi) {
-  if (value < lo) return lo;
-  if (value > hi) return hi;
-  return value;
+Wide unilateral_error(Wide x, Wide y) {
+  const Wide open = norm(x, smaller(y, 0));
+  const Wide pressed = norm(y, smaller(x, 0));
+  return smaller(open, pressed);
 }
 
-/// r = a (x - P(x - y / a)) of a friction cone of m rows, and its norm. P of a cone commutes with a > 0. So r is
-/// a x - P(a x - y), without a quotient that overflows where a is tiny.
-template <class Real>
-double friction_residual(const double* lambda, const double* w, const std::array<Real, kMaxConeRows>& mu, std::size_t m,
-                         double a, Law law) {
-  ConeVector x, y;
-  x.push(lambda[0]);
-  y.push(w[0]);
-  double penalty = 0.0;  // an axis without friction has no coordinate in the cone: any reaction on it is an error
-  for (std::size_t k = 1; k < m; ++k) {
-    const auto axis = static_cast<double>(mu[k]);
-    if (axis <= 0.0) {
-      const double error = std::abs(lambda[k]) * a;
-      if (error > penalty) penalty = error;
+/// Distance of (x, y) from the nearest of the members at lo, inside and at hi; an infinite bound has no member.
+Wide box_error(Wide x, Wide y, Wide lo, Wide hi) {
+  const Wide outside = x < lo ? lo - x : x > hi ? x - hi : 0;
+  Wide least = norm(y, outside);
+  if (std::isfinite(lo)) least = smaller(least, norm(x - lo, smaller(y, 0)));
+  if (std::isfinite(hi)) least = smaller(least, norm(x - hi, larger(y, 0)));
+  return least;
+}
+
+/// The rows of a friction cone in the unit of its normal one, without the axes that have no friction.
+struct Contact {
+  Wide x = 0, y = 0;            ///< of the normal row
+  ConeVector along_x, along_y;  ///< of the tangential ones
+  ConeVector mu;                ///< largest |x_t| / x_n along each
+  Law law = Law::convex;
+};
+
+/// Distance from the nearest pair that slides along `direction`, of unit length in the coordinates mu y_t.
+Wide sliding_error(const Contact& contact, const ConeVector& direction) {
+  ConeVector push, way;  // the reaction is lam (1, -push), the motion c (g, way)
+  Wide pushed = contact.x, push_square = 1;
+  Wide driven = contact.law == Law::convex ? contact.y : 0, way_square = contact.law == Law::convex ? 1 : 0;
+  for (std::size_t k = 0; k < direction.size; ++k) {
+    push.push(contact.mu.at[k] * direction.at[k]);
+    way.push(direction.at[k] / contact.mu.at[k]);
+    pushed -= contact.along_x.at[k] * push.at[k];
+    push_square += push.at[k] * push.at[k];
+    driven += contact.along_y.at[k] * way.at[k];
+    way_square += way.at[k] * way.at[k];
+  }
+  const Wide lam = larger(0, pushed / push_square);
+  const Wide c = larger(0, driven / way_square);
+  Norm distance;
+  distance.see(contact.x - lam).see(contact.law == Law::convex ? contact.y - c : contact.y);
+  for (std::size_t k = 0; k < direction.size; ++k)
+    distance.see(contact.along_x.at[k] + lam * push.at[k]).see(contact.along_y.at[k] - c * way.at[k]);
+  return distance.value();
+}
+
+/// Distance of a contact from the nearest of the four members of its law.
+Wide law_error(const Contact& contact) {
+  const std::size_t axes = contact.mu.size;
+  Norm x_length, y_length, load, slip;
+  x_length.see(contact.x);
+  y_length.see(contact.y);
+  for (std::size_t k = 0; k < axes; ++k) {
+    x_length.see(contact.along_x.at[k]);
+    y_length.see(contact.along_y.at[k]);
+    load.see(contact.along_x.at[k] / contact.mu.at[k]);
+    slip.see(contact.along_y.at[k] * contact.mu.at[k]);
+  }
+  const Wide loaded = load.value(), slips = slip.value();
+
+  const Wide gap = contact.law == Law::convex ? contact.y - slips : contact.y;
+  const Wide open = norm(x_length.value(), smaller(gap, 0));
+
+  const Wide inside = larger(contact.x, 0);
+  const Wide kept = loaded > inside ? inside / loaded : 1;
+  Norm stuck;
+  stuck.see(y_length.value()).see(contact.x - inside);
+  for (std::size_t k = 0; k < axes; ++k) stuck.see((1 - kept) * contact.along_x.at[k]);
+
+  Wide least = smaller(finite_or_infinite(open), finite_or_infinite(stuck.value()));
+  ConeVector by_motion, by_reaction;
+  for (std::size_t k = 0; k < axes; ++k) {
+    by_motion.push(contact.along_y.at[k] * contact.mu.at[k] / slips);
+    by_reaction.push(-contact.along_x.at[k] / contact.mu.at[k] / loaded);
+  }
+  if (slips > 0) least = smaller(least, finite_or_infinite(sliding_error(contact, by_motion)));
+  if (loaded > 0) least = smaller(least, finite_or_infinite(sliding_error(contact, by_reaction)));
+  return least;
+}
+
+/// One cone with its normal row first, wherever the batch has it.
+struct ConeRows {
+  std::size_t size = 0;
+  std::array<double, kMaxConeRows> lambda{}, w{}, diagonal{}, mu{};
+  double lo = 0, hi = 0;  ///< of a box row
+};
+
+/// What brings row k to the unit of the normal row: 1 where one of the two cannot move.
+Wide unit_of(const ConeRows& rows, std::size_t k) {
+  if (k == 0 || !(rows.diagonal[0] > 0) || !(rows.diagonal[k] > 0)) return 1;
+  return std::sqrt(static_cast<Wide>(rows.diagonal[0]) / static_cast<Wide>(rows.diagonal[k]));
+}
+
+/// A friction cone under a law, or boxed friction.
+Wide friction_error(const ConeRows& rows, ConeKind kind, Law law) {
+  Contact contact;
+  contact.law = law;
+  contact.x = static_cast<Wide>(rows.diagonal[0]) * rows.lambda[0];
+  contact.y = rows.w[0];
+  Norm carried, boxed;  // by axes without friction; errors of boxed axes
+  for (std::size_t k = 1; k < rows.size; ++k) {
+    if (!std::isfinite(rows.mu[k])) return kInfinity;
+    const Wide unit = unit_of(rows, k);
+    const Wide weight = unit * rows.diagonal[k];
+    const Wide x = weight * rows.lambda[k], y = unit * rows.w[k];
+    if (rows.mu[k] <= 0) {
+      carried.see(x);
+    } else if (kind == ConeKind::box_friction) {
+      const Wide bound = weight * rows.mu[k] * larger(rows.lambda[0], 0);
+      boxed.see(box_error(x, y, -bound, bound));
     } else {
-      x.push(lambda[k] / axis);
-      y.push(w[k] * axis);
+      contact.along_x.push(x);
+      contact.along_y.push(y);
+      contact.mu.push(rows.mu[k] / unit);
     }
   }
-  if (law == Law::coulomb) y.at[0] += y.tail_norm();
-
-  ConeVector z;
-  for (std::size_t k = 0; k < x.size; ++k) z.push(a * x.at[k] - y.at[k]);
-  const ConeVector projected = project_circular(z);
-  std::array<double, kMaxConeRows + 1> r{penalty};
-  for (std::size_t k = 0; k < x.size; ++k) r[k + 1] = a * x.at[k] - projected.at[k];
-  return norm(r.data(), x.size + 1);
-}
-
-/// The norm of r of a cone of boxed friction, in units of x = lambda / mu and y = mu w. r_n = a x_n - max(0, a x_n -
-/// y_n), and r_k is a x_k less a x_k - y_k, held between -a x_n and a x_n.
-template <class Real>
-double box_friction_residual(const double* lambda, const double* w, const std::array<Real, kMaxConeRows>& mu,
-                             std::size_t m, double a) {
-  std::array<double, kMaxConeRows> r{};
-  r[0] = a * lambda[0] - clamp(a * lambda[0] - w[0], 0.0, kInfinity);
-  const double bound = lambda[0] > 0.0 ? a * lambda[0] : 0.0;
-  for (std::size_t k = 1; k < m; ++k) {
-    const auto axis = static_cast<double>(mu[k]);
-    const double scaled = axis > 0.0 ? a * (lambda[k] / axis) : a * lambda[k];
-    r[k] = axis > 0.0 ? scaled - clamp(scaled - w[k] * axis, -bound, bound) : scaled;
-  }
-  return norm(r.data(), m);
+  const Wide own = contact.mu.size == 0 ? unilateral_error(contact.x, contact.y) : law_error(contact);
+  return Norm().see(own).see(boxed.value()).see(carried.value()).value();
 }
 
 /// The nearest positive semidefinite matrix to one of order n, by rotations until nothing is left to turn.
-void project_matrix(std::array<std::array<long double, 3>, 3>& S, std::size_t n) {
-  std::array<std::array<long double, 3>, 3> V{{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
+void project_matrix(std::array<std::array<Wide, 3>, 3>& S, std::size_t n) {
+  std::array<std::array<Wide, 3>, 3> V{{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
   for (int pass = 0; pass < 60; ++pass) {
     bool turned = false;
     for (std::size_t p = 0; p + 1 < n; ++p)
       for (std::size_t q = p + 1; q < n; ++q) {
-        if (std::abs(S[p][q]) <= 1e-21L * (std::abs(S[p][p]) + std::abs(S[q][q]))) continue;
+        if (std::abs(S[p][q]) <= Wide{1e-21L} * (std::abs(S[p][p]) + std::abs(S[q][q]))) continue;
         turned = true;
-        const long double angle = 0.5L * std::atan2(2 * S[p][q], S[q][q] - S[p][p]);
-        const long double c = std::cos(angle), s = std::sin(angle);
+        const Wide angle = Wide{0.5} * std::atan2(2 * S[p][q], S[q][q] - S[p][p]);
+        const Wide c = std::cos(angle), s = std::sin(angle);
         for (auto* M : {&S, &V})
           for (std::size_t k = 0; k < n; ++k) {
-            const long double left = (*M)[k][p], right = (*M)[k][q];
+            const Wide left = (*M)[k][p], right = (*M)[k][q];
             (*M)[k][p] = c * left - s * right;
             (*M)[k][q] = s * left + c * right;
           }
         for (std::size_t k = 0; k < n; ++k) {
-          const long double upper = S[p][k], lower = S[q][k];
+          const Wide upper = S[p][k], lower = S[q][k];
           S[p][k] = c * upper - s * lower;
           S[q][k] = s * upper + c * lower;
         }
       }
     if (!turned) break;
   }
-  std::array<long double, 3> e{};
+  std::array<Wide, 3> e{};
   for (std::size_t k = 0; k < n; ++k) e[k] = S[k][k];
   for (std::size_t i = 0; i < n; ++i)
     for (std::size_t j = 0; j < n; ++j) {
@@ -155,78 +216,124 @@ void project_matrix(std::array<std::array<long double, 3>, 3>& S, std::size_t n)
     }
 }
 
-/// The norm of r = a x - P(a x - y) of a semidefinite matrix. Its 3 or 6 rows are the upper triangle, column by column,
-/// off-diagonals times sqrt(2).
-double semidefinite_residual(const double* lambda, const double* w, std::size_t m, double a) {
-  const std::size_t order = m == 3 ? 2 : 3;
-  const long double root = std::sqrt(2.0L);
-  std::array<std::array<long double, 3>, 3> S{};
+/// Distance from the pair (P(z), P(z) - z) with z = x - y, which obeys the law of semidefinite matrices: sqrt(2) |x -
+/// P(z)|. The 3 or 6 rows are the upper triangle, column by column, off-diagonals times sqrt(2).
+Wide semidefinite_error(const ConeRows& rows) {
+  Wide trace = 0;
+  for (std::size_t k = 0; k < rows.size; ++k) trace += rows.diagonal[k];
+  const Wide a = trace > 0 ? trace / static_cast<Wide>(rows.size) : 1;
+  const std::size_t order = rows.size == 3 ? 2 : 3;
+  const Wide root = std::sqrt(Wide{2});
+  std::array<std::array<Wide, 3>, 3> S{};
   for (std::size_t j = 0, k = 0; j < order; ++j)
     for (std::size_t i = 0; i <= j; ++i, ++k)
-      S[i][j] = S[j][i] = static_cast<long double>(a * lambda[k] - w[k]) / (i == j ? 1.0L : root);
+      S[i][j] = S[j][i] = (a * rows.lambda[k] - rows.w[k]) / (i == j ? 1 : root);
   project_matrix(S, order);
-  std::array<double, kMaxConeRows> r{};
+  Norm distance;
   for (std::size_t j = 0, k = 0; j < order; ++j)
-    for (std::size_t i = 0; i <= j; ++i, ++k)
-      r[k] = a * lambda[k] - static_cast<double>(S[i][j] * (i == j ? 1.0L : root));
-  return norm(r.data(), m);
+    for (std::size_t i = 0; i <= j; ++i, ++k) distance.see(a * rows.lambda[k] - S[i][j] * (i == j ? 1 : root));
+  return root * distance.value();
 }
 
-/// `env_*` count from the environment's first row.
-template <class Real>
-double cone_residual(const ContactBatchView<Real>& batch, Offset cone, Offset env_first_row,
-                     const std::vector<double>& env_lambda, const std::vector<double>& env_w,
-                     const std::vector<double>& env_diagonal) {
-  const Offset row = batch.cone_row_offsets[cone];
-  const auto m = static_cast<std::size_t>(batch.cone_row_offsets[cone + 1] - row);
-  // The cone's rows with the normal first, wherever the batch has it.
-  std::array<double, kMaxConeRows> lambda{}, w{};
-  std::array<Real, kMaxConeRows> mu{};
-  double trace = 0.0;
-  Offset tangential = row;
-  for (std::size_t k = 0; k < m; ++k) {
-    if (tangential == batch.normal_row(cone)) ++tangential;
-    const Offset place = k == 0 ? batch.normal_row(cone) : tangential++;
-    const auto at = static_cast<std::size_t>(place - env_first_row);
-    lambda[k] = env_lambda[at];
-    w[k] = env_w[at];
-    if (k > 0 && carries_friction(batch.cone_kind[cone])) mu[k] = batch.mu[batch.mu_at(place)];
-    trace += env_diagonal[at];
-  }
-  const double mean = trace / static_cast<double>(m);
-  const double a = mean > 0.0 ? mean : 1.0;
-
-  switch (batch.cone_kind[cone]) {
+/// The error of one cone [w]; infinite if a number is not finite.
+double cone_error(const ConeRows& rows, ConeKind kind, Law law) {
+  for (std::size_t k = 0; k < rows.size; ++k)
+    if (!std::isfinite(rows.lambda[k]) || !std::isfinite(rows.w[k]) || !std::isfinite(rows.diagonal[k]))
+      return kInfinity;
+  const Wide d = rows.diagonal[0];
+  const auto bound = [d](double at) { return std::abs(at) >= kBoundless ? std::copysign(kInfinity, at) : d * at; };
+  Wide error = kInfinity;
+  switch (kind) {
     case ConeKind::free:
-      return std::abs(w[0]);
+      error = std::abs(rows.w[0]);
+      break;
     case ConeKind::unilateral:
-      return std::abs(a * lambda[0] - clamp(a * lambda[0] - w[0], 0.0, kInfinity));
+      error = unilateral_error(d * rows.lambda[0], rows.w[0]);
+      break;
     case ConeKind::box:
-      return std::abs(a * lambda[0] - clamp(a * lambda[0] - w[0], a * static_cast<double>(batch.lo[row]),
-                                            a * static_cast<double>(batch.hi[row])));
+      if (!std::isnan(rows.lo) && !std::isnan(rows.hi))
+        error = box_error(d * rows.lambda[0], rows.w[0], bound(rows.lo), bound(rows.hi));
+      break;
     case ConeKind::friction:
-      return friction_residual(lambda.data(), w.data(), mu, m, a, batch.law);
     case ConeKind::box_friction:
-      return box_friction_residual(lambda.data(), w.data(), mu, m, a);
+      error = friction_error(rows, kind, law);
+      break;
     case ConeKind::semidefinite:
-      return semidefinite_residual(lambda.data(), w.data(), m, a);
+      error = semidefinite_error(rows);
+      break;
   }
-  return kInfinity;
+  return static_cast<double>(finite_or_infinite(error));
 }
+
+/// Which cones belong together.
+class Islands {
+ public:
+  void reset(std::size_t cones) {
+    above_.resize(cones);
+    for (std::size_t cone = 0; cone < cones; ++cone) above_[cone] = cone;
+  }
+  [[nodiscard]] std::size_t of(std::size_t cone) {
+    while (above_[cone] != cone) cone = above_[cone] = above_[above_[cone]];
+    return cone;
+  }
+  void join(std::size_t a, std::size_t b) {
+    const std::size_t first = of(a), second = of(b);
+    if (first < second) above_[second] = first;
+    if (second < first) above_[first] = second;
+  }
+
+ private:
+  std::vector<std::size_t> above_;
+};
 
 /// Room for one environment, kept from one to the next.
 struct Scratch {
-  std::vector<double> lambda, w, diagonal, velocity;
+  std::vector<double> lambda, w, diagonal, velocity, error, scale;
+  std::vector<std::size_t> cone_of;  ///< of each row
+  Islands islands;
 };
 
+constexpr std::size_t kNoCone = std::numeric_limits<std::size_t>::max();
+
+/// Cones are of one island if an entry of A couples them, or a degree of freedom that two rows of Y share.
 template <class Real>
-Residual env_residual(const ContactBatchView<Real>& batch, Offset env, const Real* solution, Scratch& scratch) {
+void find_islands(const ContactBatchView<Real>& batch, Offset env, Scratch& scratch) {
+  const Offset first_row = batch.env_row_offsets[env], first_cone = batch.env_cone_offsets[env];
+  const auto rows = static_cast<std::size_t>(batch.env_rows(env));
+  const auto cones = static_cast<std::size_t>(batch.env_cones(env));
+  scratch.islands.reset(cones);
+  scratch.cone_of.assign(rows, 0);
+  for (std::size_t cone = 0; cone < cones; ++cone) {
+    const Offset at = first_cone + static_cast<Offset>(cone);
+    for (Offset row = batch.cone_row_offsets[at]; row < batch.cone_row_offsets[at + 1]; ++row)
+      scratch.cone_of[static_cast<std::size_t>(row - first_row)] = cone;
+  }
+  for (std::size_t i = 0; i < rows; ++i) {
+    const Offset row = first_row + static_cast<Offset>(i);
+    const Index* columns = batch.row_columns(row);
+    for (Index k = 0; k < batch.row_entries(row); ++k)
+      if (batch.A[batch.row_offsets[row] + k] != Real(0))
+        scratch.islands.join(scratch.cone_of[i], scratch.cone_of[static_cast<std::size_t>(columns[k])]);
+  }
+  const auto dofs = static_cast<std::size_t>(batch.env_dofs(env));
+  for (std::size_t k = 0; k < dofs; ++k) {
+    const Real* factor = batch.factor + batch.factor_offsets[env];
+    std::size_t before = kNoCone;
+    for (std::size_t i = 0; i < rows; ++i) {
+      if (factor[i * dofs + k] == Real(0)) continue;
+      if (before != kNoCone) scratch.islands.join(before, scratch.cone_of[i]);
+      before = scratch.cone_of[i];
+    }
+  }
+}
+
+/// w = (A + diag R) lambda + b in stored order, and the diagonal of A + R.
+template <class Real>
+void find_motion(const ContactBatchView<Real>& batch, Offset env, Scratch& scratch) {
   const Offset first_row = batch.env_row_offsets[env];
   const auto rows = static_cast<std::size_t>(batch.env_rows(env));
-  scratch.lambda.assign(solution + first_row, solution + first_row + rows);
   scratch.w.resize(rows);
   scratch.diagonal.resize(rows);
-
   // A = Y Y': the motion of a row is Y times the velocity Y' lambda.
   const auto dofs = static_cast<std::size_t>(batch.env_dofs(env));
   const Real* factor = dofs == 0 ? nullptr : batch.factor + batch.factor_offsets[env];
@@ -235,12 +342,10 @@ Residual env_residual(const ContactBatchView<Real>& batch, Offset env, const Rea
     for (std::size_t k = 0; k < dofs; ++k)
       scratch.velocity[k] += static_cast<double>(factor[i * dofs + k]) * scratch.lambda[i];
 
-  Largest b_largest, worst;
   for (std::size_t i = 0; i < rows; ++i) {
     const Offset row = first_row + static_cast<Offset>(i);
-    const auto b = static_cast<double>(batch.b[row]);
     const auto compliance = static_cast<double>(batch.R[row]);
-    double w = b + compliance * scratch.lambda[i];
+    double w = static_cast<double>(batch.b[row]) + compliance * scratch.lambda[i];
     double diagonal = compliance;
     const Index* columns = batch.row_columns(row);
     for (Index k = 0; k < batch.row_entries(row); ++k) {
@@ -255,20 +360,87 @@ Residual env_residual(const ContactBatchView<Real>& batch, Offset env, const Rea
       diagonal += entry * entry;
     }
     scratch.w[i] = w;
-    scratch.diagonal[i] = diagonal;
-    b_largest.see(std::abs(b));
-    // Infinite reactions and motions can cancel in a cone's condition (w = +infinity lets a contact go): they are
-    // an error whatever the cone says.
-    if (!std::isfinite(scratch.lambda[i]) || !std::isfinite(w)) worst.see(kInfinity);
+    scratch.diagonal[i] = diagonal < 0 ? 0 : diagonal;
+  }
+}
+
+template <class Real>
+ConeRows rows_of(const ContactBatchView<Real>& batch, Offset cone, Offset env_first_row, const Scratch& scratch) {
+  ConeRows rows;
+  const Offset row = batch.cone_row_offsets[cone];
+  rows.size = static_cast<std::size_t>(batch.cone_row_offsets[cone + 1] - row);
+  Offset tangential = row;
+  for (std::size_t k = 0; k < rows.size; ++k) {
+    if (tangential == batch.normal_row(cone)) ++tangential;
+    const Offset place = k == 0 ? batch.normal_row(cone) : tangential++;
+    const auto at = static_cast<std::size_t>(place - env_first_row);
+    rows.lambda[k] = scratch.lambda[at];
+    rows.w[k] = scratch.w[at];
+    rows.diagonal[k] = scratch.diagonal[at];
+    if (k > 0 && carries_friction(batch.cone_kind[cone]))
+      rows.mu[k] = static_cast<double>(batch.mu[batch.mu_at(place)]);
+  }
+  if (batch.cone_kind[cone] == ConeKind::box) {
+    rows.lo = static_cast<double>(batch.lo[row]);
+    rows.hi = static_cast<double>(batch.hi[row]);
+  }
+  return rows;
+}
+
+/// The same cone without any reaction.
+template <class Real>
+ConeRows without_reaction(ConeRows rows, const ContactBatchView<Real>& batch, Offset cone) {
+  Offset tangential = batch.cone_row_offsets[cone];
+  for (std::size_t k = 0; k < rows.size; ++k) {
+    if (tangential == batch.normal_row(cone)) ++tangential;
+    rows.lambda[k] = 0;
+    rows.w[k] = static_cast<double>(batch.b[k == 0 ? batch.normal_row(cone) : tangential++]);
+  }
+  return rows;
+}
+
+double share(double error, double scale) {
+  if (error == 0) return 0;
+  if (!(error < kInfinity) || !(scale > 0)) return kInfinity;
+  return error / scale;
+}
+
+template <class Real>
+Residual env_residual(const ContactBatchView<Real>& batch, Offset env, const Real* solution, Scratch& scratch) {
+  const Offset first_row = batch.env_row_offsets[env], first_cone = batch.env_cone_offsets[env];
+  const auto cones = static_cast<std::size_t>(batch.env_cones(env));
+  scratch.lambda.assign(solution + first_row, solution + first_row + batch.env_rows(env));
+  find_motion(batch, env, scratch);
+  find_islands(batch, env, scratch);
+  scratch.error.assign(cones, 0.0);
+  scratch.scale.assign(cones, 0.0);
+  for (std::size_t cone = 0; cone < cones; ++cone) {
+    const Offset at = first_cone + static_cast<Offset>(cone);
+    const ConeRows rows = rows_of(batch, at, first_row, scratch);
+    const ConeRows idle = without_reaction(rows, batch, at);
+    scratch.error[cone] = cone_error(rows, batch.cone_kind[at], batch.law);
+    double scale = cone_error(idle, batch.cone_kind[at], batch.law);
+    for (std::size_t k = 0; k < idle.size; ++k)
+      if (kIdle * std::abs(idle.w[k]) > scale) scale = kIdle * std::abs(idle.w[k]);
+    double& largest = scratch.scale[scratch.islands.of(cone)];
+    if (scale > largest) largest = scale;
   }
 
-  const Offset first_cone = batch.env_cone_offsets[env];
-  for (Offset cone = first_cone; cone < first_cone + batch.env_cones(env); ++cone) {
-    worst.see(cone_residual(batch, cone, first_row, scratch.lambda, scratch.w, scratch.diagonal));
+  Residual worst{0, 0, 0, -1};
+  for (std::size_t cone = 0; cone < cones; ++cone) {
+    const double scale = scratch.scale[scratch.islands.of(cone)];
+    const double relative = share(scratch.error[cone], scale);
+    if (scratch.error[cone] > worst.absolute) worst.absolute = scratch.error[cone];
+    // Of contacts that are infinitely wrong the one with an infinite error comes first.
+    const bool broken = !(scratch.error[cone] < kInfinity);
+    const bool was_broken = worst.cone >= 0 && !(scratch.error[static_cast<std::size_t>(worst.cone)] < kInfinity);
+    if (relative > worst.relative || (broken && !was_broken)) {
+      worst.relative = relative;
+      worst.scale = scale;
+      worst.cone = static_cast<Index>(cone);
+    }
   }
-  if (!std::isfinite(worst.value())) return {kInfinity, kInfinity};
-  const double scale = b_largest.value() > kTiny ? b_largest.value() : kTiny;
-  return {worst.value() / scale, worst.value()};
+  return worst;
 }
 
 }  // namespace
