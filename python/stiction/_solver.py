@@ -284,8 +284,10 @@ def verify(batch: Batch, solution) -> np.ndarray:
 
 
 def worst_contacts(batch: Batch, solution) -> np.ndarray:
-    """The contact of each environment with the largest relative error: a structured array (B,) with fields `cone`
-    (counted within the environment, -1: no contact has an error), `error` [w] and `scale` (of its island) [w].
+    """The contact of each environment with the largest relative error, a structured array (B,).
+
+    Fields are `cone`, counted within the environment (-1: no contact has an error), `error` [w], and `scale` [w], which
+    is that of its island.
 
     solution: a Solution of this batch, or its reactions alone.
     """
