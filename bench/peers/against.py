@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """stiction against solvers of others on recorded problems: which solver solves what, to which residual, in what time.
 
-    bench/peers/against.py build/bin/stiction FOLDER_OR_FILE ... --judge check_solution.py --results DIR
+    bench/peers/against.py build/bin/stiction FOLDER_OR_FILE ... [--judge tools/check_law.py] --results DIR
                            [--goals 1e-4,1e-6,1e-8] [--seconds 2] [--only stiction,siconos,clarabel]
                            [--solvers npgs,auto] [--laws file]
 
@@ -46,7 +46,7 @@ sys.path[:0] = [str(HERE), str(HERE.parent / "studies")]
 
 import siconos  # noqa: E402
 from environments import FRICTION, UNILATERAL, read_environments, write_batch  # noqa: E402
-from roster import SLACK, files_of, law_of, load_judge  # noqa: E402
+from roster import JUDGE, SLACK, files_of, law_of, load_judge  # noqa: E402
 
 try:
     import conic
@@ -320,7 +320,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("stiction")
     parser.add_argument("batches", nargs="+")
-    parser.add_argument("--judge", required=True)
+    parser.add_argument("--judge", default=JUDGE)
     parser.add_argument("--results", type=pathlib.Path, default=pathlib.Path("."))
     parser.add_argument("--goals", default="1e-4,1e-6,1e-8")
     parser.add_argument("--seconds", type=float, default=2)

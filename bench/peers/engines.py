@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """stiction against the solvers inside physics engines: Bullet, DART and ODE, each on problems under its law.
 
-    bench/peers/engines.py build/bin/stiction --data FOLDER --judge check_solution.py --results DIR [--passes 4]
+    bench/peers/engines.py build/bin/stiction --data FOLDER [--judge tools/check_law.py] --results DIR [--passes 4]
                            [--goal 1e-6] [--only lcp,pyramids,boxed,sweeps]
 
 Needs any of libbullet-dev, libdart-dev, libode-dev, with pkg-config and a C++ compiler; one that is missing is left
@@ -49,7 +49,7 @@ import rigid  # noqa: E402
 import sweeps  # noqa: E402
 from against import hidden_residual  # noqa: E402
 from environments import read_environments, write_batch  # noqa: E402
-from roster import load_judge  # noqa: E402
+from roster import JUDGE, load_judge  # noqa: E402
 
 SLACK = 1.02
 RUNGS = [10, 15, 22, 33, 50, 75, 110, 160, 240, 360, 540, 800, 1200, 1800, 2700, 4000, 6000, 9000]
@@ -306,7 +306,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("stiction")
     parser.add_argument("--data", type=pathlib.Path, default=measure.ROOT.parent / "shared" / "data")
-    parser.add_argument("--judge", required=True)
+    parser.add_argument("--judge", default=JUDGE)
     parser.add_argument("--results", type=pathlib.Path, default=pathlib.Path("."))
     parser.add_argument("--passes", type=int, default=4)
     parser.add_argument("--goal", type=float, default=1e-6)

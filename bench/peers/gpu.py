@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """stiction on a GPU against MJX, MuJoCo Warp and batched PyTorch, on recorded robots, at equal judged residuals.
 
-    PYTHONPATH=build/python bench/peers/gpu.py [FILE ...] [--device cuda] [--data DATA] [--judge check_solution.py] [--results DIR]
+    PYTHONPATH=build/python bench/peers/gpu.py [FILE ...] [--device cuda] [--data DATA] [--judge tools/check_law.py] [--results DIR]
                          [--images DIR] [--goals 1e-4,1e-6] [--envs 64,1024,8192,32768] [--peers torch,mjx,warp] [--seconds 1]
 
 Files are contact batches under the convex law with J, M, v_free and row_target, as for robots.py. Their environments
@@ -42,7 +42,7 @@ import systems  # noqa: E402
 import torch  # noqa: E402
 import torch_peers  # noqa: E402
 from padded import Padded  # noqa: E402
-from roster import SLACK, law_of, load_judge  # noqa: E402
+from roster import JUDGE, SLACK, law_of, load_judge  # noqa: E402
 
 import stiction  # noqa: E402
 
@@ -349,7 +349,7 @@ def main():
     parser.add_argument("files", nargs="*", type=pathlib.Path)
     parser.add_argument("--device", default="cuda")
     parser.add_argument("--data", type=pathlib.Path, default=measure.ROOT.parent / "shared" / "data")
-    parser.add_argument("--judge")
+    parser.add_argument("--judge", default=JUDGE)
     parser.add_argument("--results", type=pathlib.Path, default=pathlib.Path("."))
     parser.add_argument("--images", type=pathlib.Path, default=pathlib.Path("."))
     parser.add_argument("--goals", type=lambda text: sorted(map(float, text.split(",")), reverse=True), default=[1e-4, 1e-6])
@@ -360,7 +360,7 @@ def main():
     if arguments.device.startswith("cuda") and not torch.cuda.is_available():
         sys.exit("PyTorch sees no GPU: --device cpu checks the programs without one")
     torch.set_num_threads(1)
-    judge = load_judge(arguments.judge) if arguments.judge else None
+    judge = load_judge(arguments.judge)
     files = arguments.files or [path for path in (arguments.data / "mujoco" / f"{name}.h5" for name in ROBOTS) if path.is_file()]
     rows, alone = [], []
     for path in files:  # tables are written after each

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """MuJoCo's constraint solvers and stiction on the same recorded robots, one thread, at equal judged residuals.
 
-    PYTHONPATH=build/python bench/peers/robots.py [FILE ...] [--data DATA] [--judge check_solution.py] [--results DIR]
+    PYTHONPATH=build/python bench/peers/robots.py [FILE ...] [--data DATA] [--judge tools/check_law.py] [--results DIR]
                             [--images DIR] [--goals 1e-4,1e-6] [--envs 64] [--seconds 0.4] [--forms matrix,factor,jacobian]
                             [--name robots]
 
@@ -15,7 +15,7 @@ one call for all environments. Three forms say what both sides are given, and so
     jacobian   J and M: M is factored too, by both (mj_factorM)
 
 Each solver takes the largest tolerance of its ladder at which 95 % of the environments are within the goal. The judge
-decides, or without one stiction's `verify`. Cold starts begin at no reaction and at the free acceleration. Warm ones
+decides. Cold starts begin at no reaction and at the free acceleration. Warm ones
 begin from the solution of the same problem with every free acceleration changed by 5 % (normal noise). stiction gets
 its reactions and, in the jacobian form, its accelerations, MuJoCo its accelerations. Solvers that take three times as long as the fastest of their form are left
 out (auto in f64 always runs). The others that reach the goal then alternate, forth and back (A B C C B A). They
@@ -41,7 +41,7 @@ import mujoco  # noqa: E402
 import mujoco_peer  # noqa: E402
 import systems  # noqa: E402
 from arrays import jacobian_batch, matrix_batch  # noqa: E402
-from roster import SLACK, law_of, load_judge  # noqa: E402
+from roster import JUDGE, SLACK, law_of, load_judge  # noqa: E402
 
 import stiction  # noqa: E402
 
@@ -282,7 +282,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("files", nargs="*", type=pathlib.Path)
     parser.add_argument("--data", type=pathlib.Path, default=measure.ROOT.parent / "shared" / "data")
-    parser.add_argument("--judge")
+    parser.add_argument("--judge", default=JUDGE)
     parser.add_argument("--results", type=pathlib.Path, default=pathlib.Path("."))
     parser.add_argument("--images", type=pathlib.Path, default=pathlib.Path("."))
     parser.add_argument("--goals", type=lambda text: sorted(map(float, text.split(",")), reverse=True), default=[1e-4, 1e-6])
@@ -292,7 +292,7 @@ def main():
     parser.add_argument("--seconds", type=float, default=0.4, help="processor time of the turns of one start and goal")
     parser.add_argument("--limit", type=float, default=0.5, help="seconds after which a solve is not asked for more")
     arguments = parser.parse_args()
-    judge = load_judge(arguments.judge) if arguments.judge else None
+    judge = load_judge(arguments.judge)
     files = arguments.files or [path for path in (arguments.data / "mujoco" / f"{name}.h5" for name in ROBOTS) if path.is_file()]
     rows = []
     with tempfile.TemporaryDirectory() as folder:

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """How stiction's time grows: with environments, contacts and threads; its tails; what a warm start saves.
 
-    PYTHONPATH=build/python bench/peers/scaling.py STICTION [--data DATA] [--judge check_solution.py] [--results DIR]
+    PYTHONPATH=build/python bench/peers/scaling.py STICTION [--data DATA] [--judge tools/check_law.py] [--results DIR]
                             [--images DIR] [--seed 7] [--most 65536] [--quick]
 
 environments   20 sweeps of 8 contacts, 1 to 65536 environments, one thread and two: from A in f32 and f64, from bodies
@@ -37,7 +37,7 @@ import problems  # noqa: E402
 import slopes  # noqa: E402
 from arrays import matrix_batch  # noqa: E402
 from environments import read_environments  # noqa: E402
-from roster import SLACK, law_of, load_judge  # noqa: E402
+from roster import JUDGE, SLACK, law_of, load_judge  # noqa: E402
 
 import stiction  # noqa: E402
 
@@ -287,7 +287,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("stiction")
     parser.add_argument("--data", type=pathlib.Path, default=measure.ROOT.parent / "shared" / "data")
-    parser.add_argument("--judge")
+    parser.add_argument("--judge", default=JUDGE)
     parser.add_argument("--results", type=pathlib.Path, default=pathlib.Path("."))
     parser.add_argument("--images", type=pathlib.Path, default=pathlib.Path("."))
     parser.add_argument("--seed", type=int, default=7)
@@ -296,7 +296,7 @@ def main():
     arguments = parser.parse_args()
     if arguments.quick:
         arguments.most = min(arguments.most, 256)
-    judge = load_judge(arguments.judge) if arguments.judge else None
+    judge = load_judge(arguments.judge)
     with tempfile.TemporaryDirectory() as folder:
         rows = []
         for row in itertools.chain(environment_series(arguments), contact_series(arguments, folder)):

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """What every solver reaches on recorded contact problems, by a judge of one's own choice: a table and performance profiles.
 
-    bench/studies/roster.py build/bin/stiction FOLDER_OR_FILE ... --judge check_solution.py
+    bench/studies/roster.py build/bin/stiction FOLDER_OR_FILE ... [--judge tools/check_law.py]
                     [--results DIR] [--profiles PNG] [--solvers npgs,newton,...] [--max-iterations 10000] [--timeout 20]
                     [--goals f64:1e-3,f64:1e-6,f64:1e-8,f32:1e-3] [--profiled f64:1e-6] [--name roster]
 
@@ -32,7 +32,10 @@ COLUMNS = ["file", "solver", "precision", "tolerance", "environments", "solved",
            "us_per_env", "note"]
 
 
-def load_judge(path):
+JUDGE = pathlib.Path(__file__).resolve().parents[2] / "tools" / "check_law.py"
+
+
+def load_judge(path=JUDGE):
     spec = importlib.util.spec_from_file_location("judge", path)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
@@ -153,7 +156,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("stiction")
     parser.add_argument("batches", nargs="+")
-    parser.add_argument("--judge", required=True)
+    parser.add_argument("--judge", default=JUDGE)
     parser.add_argument("--results", type=pathlib.Path, default=pathlib.Path("."))
     parser.add_argument("--profiles", type=pathlib.Path)
     parser.add_argument("--solvers", default=",".join(SOLVERS))

@@ -125,10 +125,14 @@ STICTION_API stiction_code stiction_solver_synchronize(stiction_solver* solver, 
 /** Looks for the first broken precondition of a host batch; found: STICTION_INVALID_ARGUMENT, and the error text says
  * where. solver: stiction_solver_kind, for lemke takes what others do not. */
 STICTION_API stiction_code stiction_validate(const stiction_batch_view* batch, int32_t solver);
-/** The residual of given reactions in f64, by code that the solvers do not share. lambda: Real (row_count); residual:
+/** The residual of given reactions, by code that the solvers do not share. lambda: Real (row_count); residual:
  * (env_count). The batch's own law; host memory. */
 STICTION_API stiction_code stiction_verify(const stiction_batch_view* batch, const void* lambda,
                                            stiction_residual* residual);
+/** The contact that is furthest from its law in each environment, by the same code. lambda: Real (row_count); worst:
+ * (env_count). */
+STICTION_API stiction_code stiction_worst_contacts(const stiction_batch_view* batch, const void* lambda,
+                                                   stiction_worst_contact* worst);
 /** Hash of the bits of an array on the host, the one that the command line prints. precision: stiction_precision. */
 STICTION_API stiction_code stiction_hash(int32_t precision, const void* values, int64_t count, uint64_t* hash);
 

@@ -169,11 +169,19 @@ typedef struct stiction_status {
   uint8_t reserved[6];      /**< zero */
 } stiction_status;
 
-/** How far given reactions are from ones that solve their environment. */
+/** By how much the contacts of an environment miss their laws (docs/math/residual.md). */
 typedef struct stiction_residual {
-  double relative; /**< largest cone residual / max|b| [-] */
-  double absolute; /**< largest cone residual [w] */
+  double relative; /**< largest error of a contact / scale of its island [-] */
+  double absolute; /**< largest error of a contact [w] */
 } stiction_residual;
+
+/** The contact of an environment whose error has the largest share of its island's scale. */
+typedef struct stiction_worst_contact {
+  double error;     /**< its error [w] */
+  double scale;     /**< its island's scale [w] */
+  int32_t cone;     /**< counted within the environment, -1: no contact has an error */
+  int32_t reserved; /**< zero */
+} stiction_worst_contact;
 
 /** What a stepping solver's store did for one environment. 16 bytes. */
 typedef struct stiction_warm_start_record {

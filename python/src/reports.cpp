@@ -69,9 +69,12 @@ nb::list names_of_solvers() {
   return names;
 }
 
-nb::list pairs_of(const std::vector<Residual>& residuals) {
+nb::list tuples_of(const std::vector<Residual>& residuals) {
   nb::list out;
-  for (const Residual& residual : residuals) out.append(nb::make_tuple(residual.relative, residual.absolute));
+  for (const Residual& residual : residuals) {
+    out.append(
+        nb::make_tuple(residual.relative, residual.absolute, worst_error(residual), residual.scale, residual.cone));
+  }
   return out;
 }
 
@@ -84,7 +87,7 @@ nb::list verify_contacts(const ContactView& batch, const Array& lambda) {
           const nb::gil_scoped_release unlocked;
           residuals = verify(on_host(view), rows);
         }
-        return pairs_of(residuals);
+        return tuples_of(residuals);
       },
       batch.view);
 }
@@ -100,7 +103,7 @@ nb::list verify_jacobian(const JacobianView& batch, const Array& lambda) {
           const std::vector<Real> packed = rows_in_use(view, rows);
           residuals = verify(contacts.view(), std::span<const Real>(packed));
         }
-        return pairs_of(residuals);
+        return tuples_of(residuals);
       },
       batch.view);
 }

@@ -13,7 +13,7 @@ from ._flags import FLAGS
 from ._policy import Accuracy, AccuracyPolicy
 from ._semidefinite import semidefinite_matrix, semidefinite_vector
 from ._solution import CODES, SOLVERS, Solution
-from ._solver import Solver, verify
+from ._solver import Solver, verify, worst_contacts
 from ._stepping import ParallelContactSolver
 from ._world import Body, Shape, World, WorldContacts, WorldState, WorldStep
 
@@ -25,4 +25,4 @@ numerics_epoch = _core.numerics_epoch
 __all__ = ["Accuracy", "AccuracyPolicy", "Batch", "Body", "CODES", "Derivative", "Error", "FLAGS", "GRADIENT_DTYPE",
            "GRADIENT_FLAGS", "Gradients", "ParallelContactSolver", "SOLVERS", "STATUS_DTYPE", "Shape", "Solution",
            "Solver", "World", "WorldContacts", "WorldState", "WorldStep", "devices", "guess", "monitor", "numerics_epoch",
-           "semidefinite_matrix", "semidefinite_vector", "verify"]
+           "semidefinite_matrix", "semidefinite_vector", "verify", "worst_contacts"]

@@ -283,13 +283,32 @@ def verify(batch: Batch, solution) -> np.ndarray:
 
     solution: a Solution of this batch, or its reactions alone.
     """
+    return _judged("verify", batch, solution)[:, :2].copy()
+
+
+def worst_contacts(batch: Batch, solution) -> np.ndarray:
+    """The contact of each environment with the largest relative error, a structured array (B,).
+
+    Fields are `cone`, counted within the environment (-1: no contact has an error), `error` [w], and `scale` [w], which
+    is that of its island.
+
+    solution: a Solution of this batch, or its reactions alone.
+    """
+    judged = _judged("worst_contacts", batch, solution)
+    found = np.zeros(len(judged), [("cone", np.int32), ("error", np.float64), ("scale", np.float64)])
+    found["error"], found["scale"], found["cone"] = judged[:, 2], judged[:, 3], judged[:, 4]
+    return found
+
+
+def _judged(call, batch, solution):
+    """(relative, absolute, error of the worst contact, its island's scale, the contact), float64 (B, 5)."""
     if batch.form == "bodies":
-        raise ValueError("verify: expected a batch of form 'delassus' or 'jacobian', got 'bodies'")
+        raise ValueError(f"{call}: expected a batch of form 'delassus' or 'jacobian', got 'bodies'")
     if batch.device != "cpu":
-        raise ValueError(f"verify: expected a batch on cpu, got one on {batch.device}: copy its arrays to the host")
+        raise ValueError(f"{call}: expected a batch on cpu, got one on {batch.device}: copy its arrays to the host")
     if isinstance(solution, Solution):
         solution.synchronize()
         solution = solution.lambda_
     batch._refresh()
     lambda_ = take("lambda_", solution, batch.dtype, batch.layout.row_shape, "cpu")
-    return np.array(_core.verify(batch._view(False), lambda_), np.float64).reshape(-1, 2)
+    return np.array(_core.verify(batch._view(False), lambda_), np.float64).reshape(-1, 5)

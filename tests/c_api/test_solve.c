@@ -37,6 +37,7 @@ static void solves(const char* device, int32_t space) {
   stiction_batch_view batch;
   stiction_solution solution = answer(lambda, w);
   stiction_residual residual[2];
+  stiction_worst_contact worst[2];
   stiction_capacity capacity;
   int i;
   two_blocks(&batch, STICTION_F64);
@@ -63,10 +64,14 @@ static void solves(const char* device, int32_t space) {
   STICTION_CHECK_OK(stiction_verify(&batch, kReactions, residual));
   for (i = 0; i < 2; ++i) STICTION_CHECK(residual[i].relative <= 1e-15 && residual[i].absolute <= 1e-14);
   STICTION_CHECK_OK(stiction_verify(&batch, kZeros, residual));
-  /* This is the residual of no reaction (docs/math/residual.md). With de Saxce's shift y is (2/2 - 9.81, 2/2) and
-     (6/2 - 9.81, 6/2). -y lies in the unit cone, so that the residual is its length. */
-  STICTION_CHECK(near_to(residual[0].absolute, 8.866572, 1e-6) && near_to(residual[1].absolute, 7.441512, 1e-6));
-  STICTION_CHECK(near_to(residual[1].relative * 9.81, residual[1].absolute, 1e-12));
+  /* Without a reaction the nearest member of the law is the open contact, -9.81 away (docs/math/residual.md). */
+  STICTION_CHECK(near_to(residual[0].absolute, 9.81, 1e-12) && near_to(residual[1].absolute, 9.81, 1e-12));
+  STICTION_CHECK(near_to(residual[0].relative, 1, 1e-15) && near_to(residual[1].relative, 1, 1e-15));
+  STICTION_CHECK_OK(stiction_worst_contacts(&batch, kZeros, worst));
+  for (i = 0; i < 2; ++i) STICTION_CHECK(worst[i].cone == 0 && near_to(worst[i].error, 9.81, 1e-12));
+  STICTION_CHECK(near_to(worst[0].scale, 9.81, 1e-12) && worst[0].reserved == 0);
+  STICTION_CHECK_FAILS(stiction_worst_contacts(&batch, kZeros, NULL), STICTION_INVALID_ARGUMENT, "worst is null",
+                       "room");
   STICTION_CHECK_OK(stiction_solver_destroy(solver));
 }
 

@@ -233,8 +233,7 @@ TEST(Verify, AgreesWithTheResidualWorkedOutByHand) {
   // w = A (0, 1, -0.2) + b = (0, 0, 0): solved.
   const std::string exact = write_solution(folder / "exact.h5", {0, 1, -0.2}, {0, 3});
   EXPECT_EQ(run_stiction({"verify", batch, exact}).status, 0);
-  // lambda = 0: w = b = (-1, -2, 1). Rows 0 and 1: a = 2, r = -w. Row 2: a = 5, x - w / a = -0.2, inside: r = w.
-  // The largest is 2, and max|b| = 2.
+  // lambda = 0: w = b = (-1, -2, 1). Row 1 is off by 2, which is the scale of its island, too.
   const std::string zero = write_solution(folder / "zero.h5", {0, 0, 0}, {0, 3});
   const Finished finished = run_stiction({"verify", batch, zero, "--json"});
   EXPECT_EQ(finished.status, 1);
@@ -243,7 +242,15 @@ TEST(Verify, AgreesWithTheResidualWorkedOutByHand) {
   EXPECT_NEAR(json["residual_absolute"]["max"].get<double>(), 2, 1e-15);
   EXPECT_EQ(json["above"], 1);
   EXPECT_EQ(json["worst_environment"], 0);
+  EXPECT_EQ(json["worst_cone"], 1);
+  EXPECT_NEAR(json["worst_error"].get<double>(), 2, 1e-15);
+  EXPECT_NEAR(json["worst_scale"].get<double>(), 2, 1e-15);
+  EXPECT_NE(run_stiction({"verify", batch, zero}).out.find("cone 1 (" + json["worst_kind"].get<std::string>() + ")"),
+            std::string::npos);
   EXPECT_EQ(run_stiction({"verify", batch, zero, "--tolerance", "1"}).status, 0);
+  EXPECT_EQ(run_stiction({"verify", batch, zero, "--absolute-tolerance", "2"}).status, 0) << "either will do";
+  EXPECT_EQ(run_stiction({"verify", batch, zero, "--absolute-tolerance", "1.9"}).status, 1);
+  EXPECT_TRUE(Json::parse(run_stiction({"verify", batch, exact, "--json"}).out)["worst_cone"].is_null());
 }
 
 TEST(Verify, ASolutionThatIsNotFiniteIsAboveAnyTolerance) {

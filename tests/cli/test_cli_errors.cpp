@@ -127,6 +127,7 @@ TEST_F(Refused, UsageErrors) {
       {"generate", "stack", "--seed", "-1", "-o", folder_ / "x.h5"},
       {"verify", batch},
       {"verify", batch, batch, "--tolerance", "nan"},
+      {"verify", batch, batch, "--absolute-tolerance", "-1"},
       {"inspect", batch, "--env", "4"},
       {"inspect", batch, "--env", "-1"},
       {"inspect", batch, "--graph", folder_ / "graph.bmp"},

@@ -88,11 +88,11 @@ TEST(BoxFriction, TheJudgeByHand) {
   const auto judged = [&](std::vector<double> lambda) {
     return verify(batch.view(), std::span<const double>(lambda)).at(0).absolute;
   };
-  // Units of the unit box: x = lambda / mu, y = mu w = (0, 1.5, -2) against +-x_n = 2, so r = (0, 1.5, -2).
-  EXPECT_DOUBLE_EQ(judged({2, 0, 0}), 2.5);
+  // Each axis is 1 from the bound that its motion asks for.
+  EXPECT_DOUBLE_EQ(judged({2, 0, 0}), std::sqrt(2.0));
   EXPECT_EQ(judged({2, -1, 1}), 0.0);
   EXPECT_GT(judged({2, -1, -1}), 1.0) << "held at the wrong side";
-  EXPECT_GT(judged({2, -1.5, 1}), 0.5) << "outside";
+  EXPECT_DOUBLE_EQ(judged({2, -1.5, 1}), 0.5) << "outside";
   EXPECT_GT(judged({-1, 0, 0}), 1.0) << "the normal row pulls";
   const auto frictionless = batch_of({boxed(contact({1, 1, 1}, {-2, 3, -4}, 0))});
   EXPECT_EQ(verify(frictionless.view(), std::span<const double>(std::vector<double>{2, 0, 0})).at(0).absolute, 0.0);

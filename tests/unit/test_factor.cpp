@@ -139,4 +139,25 @@ TEST(Factor, OffsetsThatFitNoRowsAreStructuralDefects) {
   EXPECT_NE(defects[0].message.find("factor"), std::string::npos) << defects[0].message;
 }
 
+// A = Y Y' of two free rows. Rows that share a degree of freedom are of one island, others are not.
+TEST(Factor, IslandsOfAFactorAreThoseOfSharedDegreesOfFreedom) {
+  for (const double shared : {0.0, 1.0}) {
+    ContactBatch<double>::Arrays arrays;
+    arrays.env_row_offsets = {0, 2};
+    arrays.env_cone_offsets = {0, 2};
+    arrays.cone_kind = {ConeKind::free, ConeKind::free};
+    arrays.cone_row_offsets = {0, 1, 2};
+    arrays.row_offsets = {0, 0, 0};
+    arrays.b = {-1, -4};
+    arrays.R = arrays.mu = arrays.lo = arrays.hi = {0, 0};
+    arrays.factor_offsets = {0, 4};
+    arrays.factor = {1, 0, shared, 1};
+    const auto batch = ContactBatch<double>::from_arrays(Law::convex, arrays);
+    const std::vector<double> lambda{0, 2};
+    const Residual residual = verify(batch.view(), std::span<const double>(lambda)).at(0);
+    EXPECT_EQ(residual.cone, 0);
+    EXPECT_EQ(residual.scale, shared > 0 ? 4 : 1);
+  }
+}
+
 }  // namespace

@@ -7,6 +7,7 @@
 
 #include "stiction/error.hpp"
 #include "stiction/residual.hpp"
+#include "stiction/status.hpp"
 
 namespace {
 
@@ -41,13 +42,14 @@ TEST(Verify, AFreeRowsResidualIsItsMotion) {
   EXPECT_EQ(residual.relative, 1.0 / 3.0);
 }
 
-// a = 2. lambda = 1: w = -1, x - P(x - w/a) = 1 - 1.5, r = -1. lambda = -1: w = -5, -1 - P(1.5) = -2.5, r = -5.
-// Separating contact b = +3: lambda = 0 gives 0; lambda = 0.5: w = 4, 0.5 - P(-1.5) = 0.5, r = 1.
+// d = 2. lambda = 1: x = 2, w = -1, nearest is pressed (2, 0): 1. lambda = -1: x = -2, w = -5, nearest is open: both
+// are off. A contact that opens, b = +3: lambda = 0 gives 0; lambda = 0.5: x = 1, w = 4, nearest is open: 1.
 TEST(Verify, AUnilateralRowMeasuresItsGapOrItsReaction) {
   const auto pressed = one_cone(ConeKind::unilateral, {2}, {-3});
   EXPECT_EQ(residual_of(pressed, Law::convex, {1.5}).absolute, 0.0);
   EXPECT_EQ(residual_of(pressed, Law::convex, {1.0}).absolute, 1.0);
-  EXPECT_EQ(residual_of(pressed, Law::convex, {-1.0}).absolute, 5.0);
+  EXPECT_NEAR(residual_of(pressed, Law::convex, {-1.0}).absolute, std::sqrt(29.0), 1e-15);
+  EXPECT_EQ(residual_of(pressed, Law::convex, {0.0}).relative, 1.0);
   const auto leaving = one_cone(ConeKind::unilateral, {2}, {3});
   EXPECT_EQ(residual_of(leaving, Law::convex, {0.0}).absolute, 0.0);
   EXPECT_EQ(residual_of(leaving, Law::convex, {0.5}).absolute, 1.0);
@@ -67,6 +69,8 @@ TEST(Verify, ABoxRowUsesBothOfItsBounds) {
   EXPECT_EQ(residual_of(box(4), Law::convex, {-0.5}).absolute, 0.0);
   EXPECT_EQ(residual_of(box(-5), Law::convex, {3}).absolute, 1.0);
   EXPECT_EQ(residual_of(box(4), Law::convex, {2}).absolute, 2.5) << "held at the wrong bound";
+  EXPECT_EQ(residual_of(box(-5), Law::convex, {-0.5}).absolute, 2.5) << "held at the wrong bound";
+  EXPECT_EQ(residual_of(box(-1.25), Law::convex, {1}).absolute, 0.25) << "inside, and moves";
 }
 
 TEST(Verify, ABoxWithoutBoundsIsAFreeRow) {
@@ -89,22 +93,203 @@ TEST(Verify, SlidingSolvesOneLawAndNotTheOther) {
   EXPECT_GT(residual_of(environment, Law::coulomb, {2.8, -1.4, 0}).absolute, 0.1);
 }
 
-// lambda = 0 under A = I, b = (-2, 3, 4), mu = 1/2: x = 0, y = mu w = (-2, 1.5, 2), norm 2.5. Convex: z = (2, -1.5,
-// -2), outside of the cone, P(z) = 2.25 (1, -0.6, -0.8), norm 2.25 sqrt 2. Coulomb: y_n = 0.5, z = (-0.5, -1.5, -2),
-// P(z) = (1, -0.6, -0.8). Divided by max|b| = 4.
-TEST(Verify, NoReactionAtAllIsMeasuredByTheProjection) {
+// lambda = 0 under A = I, b = (-2, 3, 4), mu = 1/2. The nearest member is an open contact. Under Coulomb's law w_n
+// has to be 0. Under the convex one w has to reach the cone w_n = |mu w_t|, which is 4.5 * 2 / sqrt(5) away. Such is
+// the scale, too.
+TEST(Verify, NoReactionAtAllIsOffByTheMotionInward) {
   auto environment = one_cone(ConeKind::friction, {1, 1, 1}, {-2, 3, 4});
   environment.mu = {0, 0.5, 0.5};
-  EXPECT_NEAR(residual_of(environment, Law::convex, {0, 0, 0}).relative, 2.25 * std::sqrt(2.0) / 4, 1e-15);
-  EXPECT_NEAR(residual_of(environment, Law::coulomb, {0, 0, 0}).relative, std::sqrt(2.0) / 4, 1e-15);
+  EXPECT_EQ(residual_of(environment, Law::coulomb, {0, 0, 0}).absolute, 2.0);
+  EXPECT_NEAR(residual_of(environment, Law::convex, {0, 0, 0}).absolute, 9 / std::sqrt(5.0), 1e-15);
+  for (const Law law : {Law::convex, Law::coulomb}) EXPECT_EQ(residual_of(environment, law, {0, 0, 0}).relative, 1.0);
 }
 
-// a = (1 + 1 + 4) / 3 = 2. The normal and the first axis are solved; 0.25 on the axis without friction counts 0.25 a.
-TEST(Verify, AReactionOnAnAxisWithoutFrictionIsAPenalty) {
+// A = I, mu = 1/2, (x, y) given by lambda and b = w - lambda. Each is 0.01 from one member of the law and far from all
+// others. A judge that forgets a member says more.
+TEST(Verify, EveryMemberOfAContactsLawIsThere) {
+  const auto error = [](Law law, const std::vector<double>& lambda, const std::vector<double>& w) {
+    std::vector<double> b;
+    for (std::size_t k = 0; k < w.size(); ++k) b.push_back(w[k] - lambda[k]);
+    auto environment = one_cone(ConeKind::friction, {1, 1, 1}, b);
+    environment.mu = {0, 0.5, 0.5};
+    return residual_of(environment, law, lambda).absolute;
+  };
+  for (const Law law : {Law::convex, Law::coulomb}) {
+    const double g = law == Law::convex ? 1 : 0;
+    EXPECT_NEAR(error(law, {0.01, 0, 0}, {5, 3, 4}), 0.01, 1e-14) << "open";
+    EXPECT_NEAR(error(law, {0, 0, 0}, {g * 2.5 - 0.01, 3, 4}), g > 0 ? 0.02 / std::sqrt(5.0) : 0.01, 1e-14)
+        << "open, and moves inward";
+    EXPECT_NEAR(error(law, {5, 0.3, 0.4}, {0, 0, 0.01}), 0.01, 1e-14) << "sticks";
+    // Slides along (0.6, 0.8): x = 5 (1, -0.3, -0.4), y = c (g, 1.2, 1.6) + 0.01 sideways, then x sideways.
+    EXPECT_NEAR(error(law, {5, -1.5, -2}, {0.1 * g, 0.12 + 0.008, 0.16 - 0.006}), 0.01, 1e-14)
+        << "slides against lambda";
+    EXPECT_NEAR(error(law, {5, -1.5 + 0.008, -2 - 0.006}, {10 * g, 12, 16}), 0.01, 1e-4) << "slides along w";
+  }
+  EXPECT_GT(error(Law::coulomb, {5, -1.5, -2}, {10, 12, 16}), 4.9) << "slides by the other law";
+}
+
+// Rows of the diagonal 1 and 4: u = 1/2, m = mu / u = 1. x = (2, u 4 lambda_t), y = (w_n, u w_t). A reaction on the
+// edge of the cone and one 0.25 beyond it: a judge with 1/u for u says something else.
+TEST(Verify, RowsAreBroughtToTheUnitOfTheNormalOne) {
+  auto environment = one_cone(ConeKind::friction, {1, 4}, {-2, 4});
+  environment.mu = {0, 0.5};
+  EXPECT_EQ(residual_of(environment, Law::convex, {2, -1}).absolute, 0.0) << "sticks on the edge";
+  environment.b = {-2, 5};
+  EXPECT_EQ(residual_of(environment, Law::convex, {2, -1.25}).absolute, 0.5 * std::sqrt(0.5))
+      << "0.5 beyond the edge of a cone of slope 1 and without motion; sliding by reaction is the nearest";
+}
+
+// d = (1, 1, 4), u = 1/2 of the axis without friction: its reaction 0.25 moves it by 0.25 * 4 / 2.
+TEST(Verify, AReactionOnAnAxisWithoutFrictionIsAnError) {
   auto environment = one_cone(ConeKind::friction, {1, 1, 4}, {-2, 0, 3});
   environment.mu = {0, 0.5, 0};
   EXPECT_EQ(residual_of(environment, Law::convex, {2, 0, 0}).absolute, 0.0);
   EXPECT_EQ(residual_of(environment, Law::convex, {2, 0, -0.25}).absolute, 0.5);
+  environment.mu = {0, 0, 0};
+  EXPECT_EQ(residual_of(environment, Law::convex, {2, 0, 0}).absolute, 0.0);
+  EXPECT_EQ(residual_of(environment, Law::convex, {2, 0, -0.25}).absolute, 0.5);
+}
+
+// Boxed friction: axis by axis between -mu lambda_n and mu lambda_n = 1, whatever the other axis does.
+TEST(Verify, BoxedFrictionIsABoxBesideTheNormalRow) {
+  auto environment = one_cone(ConeKind::box_friction, {1, 1, 1}, {-2, 3, -4});
+  environment.mu = {0, 0.5, 0.5};
+  EXPECT_EQ(residual_of(environment, Law::convex, {2, -1, 1}).absolute, 0.0);
+  EXPECT_EQ(residual_of(environment, Law::convex, {2, 0, 1}).absolute, 1.0);
+  EXPECT_EQ(residual_of(environment, Law::convex, {2, -1.25, 1}).absolute, 0.25);
+}
+
+// Off-diagonals times sqrt(2); z = x - w is split into its positive and negative part, each 1 off: sqrt(2).
+TEST(Verify, ASemidefiniteConeIsSplitByItsEigenvalues) {
+  const auto environment = one_cone(ConeKind::semidefinite, {1, 1, 1}, {-2, 0, 3});
+  EXPECT_NEAR(residual_of(environment, Law::convex, {2, 0, 0}).absolute, 0.0, 1e-15);
+  EXPECT_NEAR(residual_of(environment, Law::convex, {1, 0, 0}).absolute, std::sqrt(2.0), 1e-15);
+}
+
+// mu = 1000: the contact opens at 1 m/s and keeps a friction of 1. Divided by mu it would be an error of 0.001.
+TEST(Verify, ALargeMuHidesNoFriction) {
+  for (const double mu : {1e3, 1e6, 1e12}) {
+    auto environment = one_cone(ConeKind::friction, {1, 1, 1}, {1, 2, 0});
+    environment.mu = {0, mu, mu};
+    EXPECT_GT(residual_of(environment, Law::coulomb, {1 / mu, -1, 0}).absolute, 0.99) << mu;
+    EXPECT_EQ(residual_of(environment, Law::coulomb, {0, 0, 0}).absolute, 0.0) << mu;
+  }
+}
+
+// A rolling axis: w_t = 0.01 asks for a reaction of -mu lambda_n, whatever mu is. Times mu it would be no error at all.
+TEST(Verify, ASmallMuHidesNoReaction) {
+  for (const double mu : {1e-3, 1e-4, 1e-8}) {
+    auto environment = one_cone(ConeKind::friction, {1, 1}, {-9.81, 0.01});
+    environment.mu = {0, mu};
+    const double right = mu * 9.81 < 0.01 ? mu * 9.81 : 0.01;
+    EXPECT_LT(residual_of(environment, Law::coulomb, {9.81, -right}).absolute, 1e-15) << mu;
+    EXPECT_NEAR(residual_of(environment, Law::coulomb, {9.81, 0}).absolute, right / std::sqrt(1 + mu * mu), 1e-15)
+        << mu << ", the distance from the line (1, -mu)";
+  }
+}
+
+/// A pressed cone of each kind, without a reaction: it is all wrong.
+std::vector<Environment<double>> pressed_cones() {
+  std::vector<Environment<double>> found;
+  found.push_back(one_cone(ConeKind::free, {2}, {-0.05}));
+  found.push_back(one_cone(ConeKind::unilateral, {2}, {-0.05}));
+  found.push_back(one_cone(ConeKind::box, {2}, {-0.05}));
+  found.back().lo = {-1};
+  found.back().hi = {1};
+  for (const auto kind : {ConeKind::friction, ConeKind::box_friction})
+    for (std::size_t rows = 2; rows <= 6; ++rows) {
+      std::vector<double> b(rows, 0.01);
+      b[0] = -0.05;
+      found.push_back(one_cone(kind, std::vector<double>(rows, 2.0), b));
+      found.back().mu.assign(rows, 0.5);
+    }
+  found.push_back(one_cone(ConeKind::semidefinite, {2, 2, 2}, {-0.05, 0, -0.05}));
+  found.push_back(one_cone(ConeKind::semidefinite, {2, 2, 2, 2, 2, 2}, {-0.05, 0, -0.05, 0, 0, -0.05}));
+  return found;
+}
+
+/// `cone` beside a contact that opens at `speed`, coupled to it by `entry`.
+Environment<double> beside(const Environment<double>& cone, double speed, double entry) {
+  const std::size_t n = cone.b.size() + 1;
+  std::vector<double> matrix(n * n, 0.0);
+  for (std::size_t k = 0; k < n; ++k) matrix[k * (n + 1)] = 2;
+  matrix[n - 1] = entry;
+  Environment<double> found = cone;
+  found.cones.push_back({ConeKind::unilateral, 1, -1});
+  found.row_offsets = {0};
+  found.column.clear();
+  found.A.clear();
+  found.set_dense(matrix, static_cast<Index>(n));
+  found.b.push_back(speed);
+  for (auto* values : {&found.mu, &found.lo, &found.hi})
+    if (!values->empty()) values->push_back(0);
+  return found;
+}
+
+TEST(Verify, AnotherIslandChangesNoRelativeError) {
+  for (const auto& cone : pressed_cones())
+    for (const Law law : {Law::convex, Law::coulomb}) {
+      SCOPED_TRACE(to_string(cone.cones[0].kind) + std::string(" ") + std::to_string(cone.b.size()));
+      const std::vector<double> none(cone.b.size() + 1, 0.0);
+      const Residual alone = residual_of(cone, law, std::vector<double>(cone.b.size(), 0.0));
+      EXPECT_EQ(alone.relative, 1.0);
+      const Residual apart = residual_of(beside(cone, 1e6, 0), law, none);
+      EXPECT_EQ(apart.relative, 1.0);
+      EXPECT_EQ(apart.scale, alone.scale);
+      EXPECT_EQ(apart.cone, 0);
+      // A contact that opens has no error, so it adds to its own island no more than a share of its b.
+      EXPECT_EQ(residual_of(beside(cone, 40, 0.125), law, none).relative, 1.0);
+      EXPECT_EQ(residual_of(beside(cone, 1e6, 0.125), law, none).scale, 1e-4 * 1e6);
+    }
+}
+
+TEST(Verify, AnIslandThatNeedsNothingHasAScaleStill) {
+  const auto leaving = one_cone(ConeKind::unilateral, {1}, {3});
+  const Residual residual = residual_of(leaving, Law::convex, {1e-4});
+  EXPECT_DOUBLE_EQ(residual.scale, 3e-4);
+  EXPECT_NEAR(residual.relative, 1.0 / 3, 1e-15);
+}
+
+// d = 0: a reaction moves nothing and weighs nothing. The contact beside it is judged as ever.
+TEST(Verify, ARowThatCannotMoveSpoilsNoOther) {
+  Environment<double> environment = one_cone(ConeKind::unilateral, {0, 1}, {1, -2});
+  environment.cones = {{ConeKind::unilateral, 1, -1}, {ConeKind::unilateral, 1, -1}};
+  EXPECT_EQ(residual_of(environment, Law::convex, {0, 2}).relative, 0.0);
+  environment.b[0] = -1;
+  const Residual residual = residual_of(environment, Law::convex, {0, 2});
+  EXPECT_EQ(residual.absolute, 1.0);
+  EXPECT_EQ(residual.relative, 1.0);
+  EXPECT_EQ(residual.cone, 0);
+  auto friction = one_cone(ConeKind::friction, {1, 0}, {-2, 0});
+  friction.mu = {0, 1};
+  EXPECT_EQ(residual_of(friction, Law::convex, {2, 0}).absolute, 0.0);
+}
+
+// b = 0 and lo = 1: lambda = 1 at w = 1 is right, lambda = 0 is 1 off, and that is the scale.
+TEST(Verify, BoundsThatExcludeZeroHaveAScaleWithoutB) {
+  auto box = one_cone(ConeKind::box, {1}, {0});
+  box.lo = {1};
+  box.hi = {kInfinity};
+  EXPECT_EQ(residual_of(box, Law::convex, {1}).relative, 0.0);
+  EXPECT_EQ(residual_of(box, Law::convex, {0}).relative, 1.0);
+  EXPECT_EQ(residual_of(box, Law::convex, {0}).scale, 1.0);
+  box.hi = {1};
+  EXPECT_EQ(residual_of(box, Law::convex, {1}).relative, 0.0) << "lo = hi";
+}
+
+TEST(Verify, ABoundOf1e20IsNone) {
+  for (const double none : {1e20, 1e300}) {
+    auto box = one_cone(ConeKind::box, {1}, {-1.5 * none});
+    box.lo = {-none};
+    box.hi = {none};
+    EXPECT_EQ(residual_of(box, Law::convex, {none}).absolute, 0.5 * none);
+    box.b = {1.5 * none};
+    EXPECT_EQ(residual_of(box, Law::convex, {-none}).absolute, 0.5 * none);
+  }
+  auto box = one_cone(ConeKind::box, {1}, {-5e20});
+  box.lo = {-1e19};
+  box.hi = {1e19};
+  EXPECT_EQ(residual_of(box, Law::convex, {1e19}).absolute, 0.0) << "a bound below it is one";
 }
 
 TEST(Verify, TheWorstConeOfAnEnvironmentCountsAndEnvironmentsAreSeparate) {
@@ -120,7 +305,11 @@ TEST(Verify, TheWorstConeOfAnEnvironmentCountsAndEnvironmentsAreSeparate) {
   const auto residuals = verify(batch.view(), std::span<const double>(lambda));
   ASSERT_EQ(residuals.size(), 3U);
   EXPECT_EQ(residuals[0].absolute, 2.0);
-  EXPECT_EQ(residuals[0].relative, 0.5);
+  EXPECT_EQ(residuals[0].relative, 1.0) << "two islands: of its own scale the small one is all wrong";
+  EXPECT_EQ(residuals[0].cone, 0);
+  EXPECT_EQ(residuals[0].scale, 1.0);
+  EXPECT_EQ(worst_error(residuals[0]), 1.0);
+  EXPECT_EQ(residuals[2].cone, -1) << "none has an error";
   EXPECT_EQ(residuals[1].relative, 0.0) << "an empty environment";
   EXPECT_EQ(residuals[2].relative, 0.0);
 }
@@ -150,31 +339,31 @@ TEST(Verify, WhatIsNotFiniteIsInfinitelyWrong) {
   EXPECT_EQ(residual_of(friction, Law::convex, {2, 0}).relative, kInfinity);
 }
 
-TEST(Verify, AnEnvironmentAtRestDividesByATinyNumberNotByZero) {
+TEST(Verify, AnEnvironmentAtRestAcceptsNothingButItsAnswer) {
   const auto environment = one_cone(ConeKind::free, {1}, {0});
   EXPECT_EQ(residual_of(environment, Law::convex, {0.0}).relative, 0.0);
-  EXPECT_EQ(residual_of(environment, Law::convex, {1e-10}).relative, 1e-10 / 1e-300);
+  EXPECT_EQ(residual_of(environment, Law::convex, {1e-10}).relative, kInfinity);
+  EXPECT_EQ(residual_of(environment, Law::convex, {1e-10}).absolute, 1e-10);
 }
 
-// a = 2^-1037, a subnormal number. lambda = 0 leaves w = -8: -w / a overflows, r = a x - P(a x - w) = -8 does not.
 TEST(Verify, ADiagonalNearZeroIsNoReasonToOverflow) {
   EXPECT_EQ(residual_of(one_cone(ConeKind::unilateral, {0x1p-1037}, {-8}), Law::convex, {0.0}).absolute, 8.0);
   auto box = one_cone(ConeKind::box, {0x1p-1037}, {-8});
   box.lo = {-1};
-  box.hi = {0x1p1000};  // a hi = 2^-37: as far as the bound lets r go
-  EXPECT_EQ(residual_of(box, Law::convex, {0.0}).absolute, 0x1p-37);
+  box.hi = {0x1p60};
+  EXPECT_EQ(residual_of(box, Law::convex, {0.0}).absolute, 0x1p-977) << "as far as the bound is";
   auto friction = one_cone(ConeKind::friction, {0x1p-1037, 0x1p-1037}, {-8, 0});
   friction.mu = {0, 0.5};
   EXPECT_EQ(residual_of(friction, Law::coulomb, {0, 0}).absolute, 8.0);
 }
 
-// No reaction, w = b = (-4, 3, 4) scale, mu = 1: z = -w, onto the cone at
-// (4 + 5) / 2 (1, -3/5, -4/5): r = sqrt(2) 4.5.
+// No reaction, w = b = (-4, 3, 4) scale, mu = 1: open, 4 + 5 below the cone w_n = |w_t|.
 TEST(Verify, NumbersWhoseSquaresAreOutOfRangeAreJudgedAsAnyOther) {
-  for (const double scale : {1.0, 0x1p-700, 0x1p700}) {
+  for (const double scale : {1.0, 0x1p-1000, 0x1p1000}) {
     auto friction = one_cone(ConeKind::friction, {1, 1, 1}, {-4 * scale, 3 * scale, 4 * scale});
     friction.mu = {0, 1, 1};
-    EXPECT_NEAR(residual_of(friction, Law::convex, {0, 0, 0}).absolute / scale, 4.5 * std::sqrt(2.0), 1e-14);
+    EXPECT_NEAR(residual_of(friction, Law::convex, {0, 0, 0}).absolute / scale, 9 / std::sqrt(2.0), 1e-14);
+    EXPECT_EQ(residual_of(friction, Law::convex, {0, 0, 0}).relative, 1.0);
   }
 }
 
@@ -206,80 +395,6 @@ TEST(Verify, RefusesALambdaOfTheWrongLengthAndABrokenStructure) {
   arrays.column[0] = 1000000;
   const auto broken = ContactBatch<double>::from_arrays(Law::convex, arrays);
   EXPECT_EQ(message(broken.view(), one).find("batch cannot be verified: column[env 0, row 0] = 1000000"), 0U);
-}
-
-// Every kind of cone in one unsymmetric system of 13 rows; axis 3 of the second friction cone has no friction. The
-// expected numbers are those of the independent checker (Python, numpy) that judges solutions of contact batches.
-TEST(Verify, AgreesWithTheIndependentCheckerOnEveryKindOfCone) {
-  constexpr Index kRows = 13;
-  Environment<double> environment;
-  environment.cones = {{ConeKind::free, 1, -1},     {ConeKind::unilateral, 1, -1}, {ConeKind::box, 1, -1},
-                       {ConeKind::friction, 3, -1}, {ConeKind::friction, 6, -1},   {ConeKind::unilateral, 1, -1}};
-  std::vector<double> matrix;
-  for (Index i = 0; i < kRows; ++i) {
-    for (Index j = 0; j < kRows; ++j) matrix.push_back(i == j ? 4.0 : 1.0 / (1 + i + 2 * j));
-    environment.b.push_back((i % 2 == 0 ? 1.0 : -1.0) * (0.5 + 0.25 * i));
-    environment.R.push_back(0.125 * (i % 3));
-  }
-  environment.set_dense(matrix, kRows);
-  environment.mu = {0, 0, 0, 0, 0.5, 0.25, 0, 0.5, 1.5, 0, 0.125, 0.0625, 0};
-  environment.lo.assign(kRows, 0.0);
-  environment.hi.assign(kRows, 0.0);
-  environment.lo[2] = -0.75;
-  environment.hi[2] = 0.75;
-  const std::vector<double> lambda{0.5, 0.25, -0.75, 1, 0.25, -0.125, 2, -0.5, 0.5, 0.25, 0.0625, -0.03125, 0};
-  EXPECT_NEAR(residual_of(environment, Law::convex, lambda).relative, 2.2655338429961462, 1e-14);
-  EXPECT_NEAR(residual_of(environment, Law::coulomb, lambda).relative, 2.8072797358485886, 1e-14);
-}
-
-// Environment 0 of the FCLIB-derived file coulomb/small.h5 of the shared data: one sliding contact. Expected: the
-// checker's numbers for the stored reference, and for the reference times 1.25.
-TEST(Verify, AgreesWithTheIndependentCheckerOnARecordedCoulombContact) {
-  Environment<double> environment;
-  environment.cones = {{ConeKind::friction, 3, -1}};
-  environment.set_dense(std::vector<double>{0.01561729905012577, -1.0655799081608867e-14, 1.7158644344052322e-15,
-                                            7.981228895182632e-15, 0.015617299050235248, 9.116734914056958e-15,
-                                            -5.230882430029561e-15, 6.346284194006859e-15, 0.015617299050090447},
-                        3);
-  environment.b = {-0.00027270065311702494, 0.0001125771176745515, 6.823759394344223e-05};
-  environment.mu = {0, 0.3, 0.3};
-  std::vector<double> lambda{0.017461447862509104, -0.0044797382874196745, -0.002715352538288052};
-  EXPECT_LT(residual_of(environment, Law::coulomb, lambda).relative, 1e-14);
-  EXPECT_NEAR(residual_of(environment, Law::convex, lambda).relative, 0.03876489586509408, 1e-14);
-  for (double& value : lambda) value *= 1.25;
-  EXPECT_NEAR(residual_of(environment, Law::coulomb, lambda).relative, 0.17677669529664433, 1e-14);
-  EXPECT_NEAR(residual_of(environment, Law::convex, lambda).relative, 0.1539217020083041, 1e-14);
-}
-
-// Environment 1 of mujoco/car.h5 of the shared data: a joint limit and two contacts, A unsymmetric in the last bits.
-TEST(Verify, AgreesWithTheIndependentCheckerOnARecordedCar) {
-  Environment<double> environment;
-  environment.cones = {{ConeKind::unilateral, 1, -1}, {ConeKind::friction, 3, -1}, {ConeKind::friction, 3, -1}};
-  environment.set_dense(
-      std::vector<double>{11.516565514066901,  -1.4335996222020284,   -0.012235375821121157, -0.05038171276194473,
-                          -1.4311403588040361, -0.012511863830869791, -0.040332110713026906, -1.4335996222020277,
-                          9.485152981971387,   3.0180684719584776,    -0.1927772337736745,   7.608777908615247,
-                          3.0074323092484625,  -0.11191013699189983,  -0.012235375821121167, 3.0180684719584767,
-                          4.070970851372634,   -2.4808867483793917,   2.1530688337883457,    4.054464663292302,
-                          -2.0378789687362837, -0.05038171276194487,  -0.1927772337736743,   -2.4808867483793917,
-                          38.591630833536456,  -0.13256830395189007,  -2.4633566606921513,   37.9879843873724,
-                          -1.4311403588040366, 7.608777908615245,     2.153068833788346,     -0.13256830395189012,
-                          6.270683916773335,   2.1455120394213316,    -0.07588383957613873,  -0.0125118638308698,
-                          3.007432309248461,   4.054464663292303,     -2.4633566606921518,   2.145512039421332,
-                          4.0381434043593085,  -2.026337759623532,    -0.040332110713027156, -0.11191013699189971,
-                          -2.0378789687362837, 37.98798438737241,     -0.07588383957613877,  -2.026337759623532,
-                          37.59000378721918},
-      7);
-  environment.b = {0.04624634877153255, -23.20107120900994,  -4.170574243933389, 140.1496999993192,
-                   -21.914932125777597, -4.2179565939993635, 141.93148757911877};
-  environment.R = {0.16560347350599158, 0.25503731491513776, 0.25503731491513776, 0.25503731491513776,
-                   0.2952095590529801,  0.2952095590529801,  0.2952095590529801};
-  environment.mu = {0, 0, 1, 1, 0, 1, 1};
-  std::vector<double> lambda{0.560488261646353, 0, 0, 0, 4.739809307314852, -2.7947336000305216, -3.828218433497354};
-  EXPECT_NEAR(residual_of(environment, Law::convex, lambda).relative, 4.016806220671451e-11, 1e-14);
-  EXPECT_NEAR(residual_of(environment, Law::coulomb, lambda).relative, 0.013443401508535588, 1e-14);
-  for (double& value : lambda) value *= 1.25;
-  EXPECT_NEAR(residual_of(environment, Law::convex, lambda).relative, 0.2400429153609713, 1e-13);
 }
 
 }  // namespace

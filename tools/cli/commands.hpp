@@ -77,7 +77,7 @@ struct ReplayArguments {
 struct VerifyArguments {
   std::filesystem::path batch, solution;
   std::string law = "file";
-  double tolerance = 1e-6;
+  double tolerance = 1e-6, absolute_tolerance = 0;
   bool json = false;
 };
 

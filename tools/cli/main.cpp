@@ -107,6 +107,8 @@ void declare_verify(CLI::App& app, VerifyArguments& a) {
   app.add_option("batch", a.batch, "Contact-batch or FCLIB file")->required();
   app.add_option("solution", a.solution, "Solution file")->required();
   app.add_option("--tolerance", a.tolerance, "On the relative residual")->capture_default_str();
+  app.add_option("--absolute-tolerance", a.absolute_tolerance, "On the absolute residual [w]: either will do")
+      ->capture_default_str();
   app.add_option("--law", a.law, "file, convex or coulomb")->capture_default_str();
   app.add_flag("--json", a.json, "Print JSON");
 }

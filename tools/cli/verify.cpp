@@ -18,8 +18,10 @@ namespace {
 
 struct Verdict {
   std::optional<Quantiles<double>> relative, absolute;
-  Offset above = 0;         ///< environments whose relative residual is not within the tolerance
-  std::int64_t worst = -1;  ///< environment of the largest relative residual, -1: no environments
+  Offset above = 0;               ///< environments whose relative residual is not within the tolerance
+  std::int64_t worst = -1;        ///< environment of the largest relative residual, -1: no environments
+  Residual contact{0, 0, 0, -1};  ///< residual of that environment
+  std::string kind;               ///< of its worst contact
 };
 
 /// A residual that is not a number cannot be within any tolerance.
@@ -27,17 +29,18 @@ double readable(double residual) {
   return std::isnan(residual) ? std::numeric_limits<double>::infinity() : residual;
 }
 
-Verdict judge(const std::vector<Residual>& residuals, double tolerance) {
+Verdict judge(const std::vector<Residual>& residuals, const VerifyArguments& arguments) {
   Verdict verdict;
   std::vector<double> relative, absolute;
   double largest = -1;
   for (std::size_t env = 0; env < residuals.size(); ++env) {
     relative.push_back(readable(residuals[env].relative));
     absolute.push_back(readable(residuals[env].absolute));
-    if (relative.back() > tolerance) ++verdict.above;
+    if (relative.back() > arguments.tolerance && !(absolute.back() <= arguments.absolute_tolerance)) ++verdict.above;
     if (relative.back() > largest) {
       largest = relative.back();
       verdict.worst = static_cast<std::int64_t>(env);
+      verdict.contact = residuals[env];
     }
   }
   verdict.relative = quantiles(std::move(relative));
@@ -52,11 +55,18 @@ void print_text(const VerifyArguments& arguments, const Verdict& verdict, std::s
   fmt::print("{:<16}{}\n", "absolute", quantile_text(verdict.absolute));
   if (verdict.worst >= 0 && verdict.relative) {
     fmt::print("{:<16}environment {}: {:.3e}\n", "worst", verdict.worst, verdict.relative->max);
+    if (verdict.contact.cone >= 0) {
+      fmt::print("{:<16}cone {} ({}): error {:.3e} at an island's scale of {:.3e}, both in the unit of b\n", "contact",
+                 verdict.contact.cone, verdict.kind, worst_error(verdict.contact), verdict.contact.scale);
+    }
   }
-  fmt::print("{:<16}{} (tolerance {:g})\n", "above tolerance", verdict.above, arguments.tolerance);
+  const std::string absolute =
+      arguments.absolute_tolerance > 0 ? fmt::format(" or absolute {:g}", arguments.absolute_tolerance) : "";
+  fmt::print("{:<16}{} (tolerance {:g}{})\n", "above tolerance", verdict.above, arguments.tolerance, absolute);
 }
 
 std::string json_text(const VerifyArguments& arguments, const Verdict& verdict, const ContactBatch<double>& batch) {
+  const bool none = verdict.contact.cone < 0;
   return dump({{"schema_version", kReportSchemaVersion},
                {"file", arguments.batch.string()},
                {"solution", arguments.solution.string()},
@@ -64,10 +74,15 @@ std::string json_text(const VerifyArguments& arguments, const Verdict& verdict, 
                {"environments", batch.env_count()},
                {"rows", batch.row_count()},
                {"tolerance", arguments.tolerance},
+               {"absolute_tolerance", arguments.absolute_tolerance},
                {"residual", json_of(verdict.relative)},
                {"residual_absolute", json_of(verdict.absolute)},
                {"above", verdict.above},
                {"worst_environment", verdict.worst < 0 ? Json(nullptr) : Json(verdict.worst)},
+               {"worst_cone", none ? Json(nullptr) : Json(verdict.contact.cone)},
+               {"worst_kind", none ? Json(nullptr) : Json(verdict.kind)},
+               {"worst_error", none ? Json(nullptr) : Json(worst_error(verdict.contact))},
+               {"worst_scale", none ? Json(nullptr) : Json(verdict.contact.scale)},
                {"epoch", kNumericsEpoch}});
 }
 
@@ -77,6 +92,10 @@ int run_verify(const VerifyArguments& arguments) {
   if (!(arguments.tolerance >= 0)) {
     throw Error(ErrorCode::invalid_argument,
                 fmt::format("--tolerance {}: expected a number >= 0", arguments.tolerance));
+  }
+  if (!(arguments.absolute_tolerance >= 0)) {
+    throw Error(ErrorCode::invalid_argument,
+                fmt::format("--absolute-tolerance {}: expected a number >= 0", arguments.absolute_tolerance));
   }
   const LoadedBatch loaded = load_batch(arguments.batch, law_from_option(arguments.law), ValueDefects::keep);
   if (!loaded.defects.empty()) {
@@ -89,7 +108,11 @@ int run_verify(const VerifyArguments& arguments) {
                arguments.solution.string(), to_string(solution.law), to_string(batch.law()));
   }
   const std::vector<Residual> residuals = verify(batch.view(), std::span<const double>(solution.lambda));
-  const Verdict verdict = judge(residuals, arguments.tolerance);
+  Verdict verdict = judge(residuals, arguments);
+  if (verdict.contact.cone >= 0) {
+    const auto view = batch.view();
+    verdict.kind = to_string(view.cone_kind[view.env_cone_offsets[verdict.worst] + verdict.contact.cone]);
+  }
   if (arguments.json) {
     write_text("-", json_text(arguments, verdict, batch));
   } else {

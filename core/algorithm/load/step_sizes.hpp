@@ -85,10 +85,10 @@ STICTION_HD Real error_without_reaction(Shape shape, const Real (&y)[M], const C
   Real none[M];
   for (int k = 0; k < M; ++k) none[k] = Real(0);
   Real square;
-  if (is_matrix) {
-    square = Real(0);
-    if constexpr (kMayBeMatrix<Shape>) square = semidefinite_error_square(none, y, Real(0));
-  } else if (law == Law::coulomb) {
+  // Packs have no cones of semidefinite.
+  if constexpr (kMayBeMatrix<Shape> && RealTraits<Real>::kLanes == 1)
+    if (is_matrix) return max_(sqrt_(semidefinite_error_square(none, y, Real(0))), Real(kIdleShare) * largest);
+  if (law == Law::coulomb) {
     square = law_error_square<Law::coulomb>(shape, none, y, metric, lo, hi);
   } else {
     square = law_error_square<Law::convex>(shape, none, y, metric, lo, hi);

@@ -134,10 +134,10 @@ struct LargestResidual {
   STICTION_HD void add(Shape shape, Real (&x)[M], Real (&y)[M], const ConeMetric<Real, M>& metric, Real lo, Real hi,
                        Real share, Real unit) {
     scale(x, y, unit);
-    const auto is_boxed = Shape::kKind == ConeKind::friction ? lo < Real(0) : Real(0) < Real(0);
     const Real low = Shape::kKind == ConeKind::friction ? lo : lo * unit;
-    add(law_error_square<kLaw>(shape, x, y, metric, low, hi * unit), share);
-    add_sizes<kLaw>(x, y, metric, share, is_boxed);
+    const Real own = law_error_square<kLaw>(shape, x, y, metric, low, hi * unit);
+    add(own, share);
+    add_sizes(x, y, metric, share, own == Real(0));
   }
   /// Adds that of a cone of semidefinite. `a`: its mean diagonal.
   template <int M>
@@ -180,25 +180,19 @@ struct LargestResidual {
     reaction = max_(pressed * weight, reaction);
     size = max_(max_(pressed, moved) * weight, size);
   }
-  /// A contact without a reaction obeys Coulomb's law, and that of boxed friction, if it does not move inward, however
-  /// fast it slides: rounding of its sliding hides nothing.
-  template <Law kLaw, int M>
+  /// A contact that is open, without a reaction and without an error, stays so however its motion is rounded.
+  template <int M>
   STICTION_HD void add_sizes(const Real (&x)[M], const Real (&y)[M], const ConeMetric<Real, M>& metric, Real share,
-                             Mask<Real> is_boxed) {
+                             Mask<Real> has_no_error) {
     const Real normal = metric.a * x[0];
     Real pressed = normal * normal, moved = y[0] * y[0];
-    Real slips(0);
     for (int k = 1; k < M; ++k) {
       const Real own = metric.a * x[k];
       pressed = max_((metric.press[k] * own) * own, pressed);
-      slips = max_((metric.slip[k] * y[k]) * y[k], slips);
+      moved = max_((metric.slip[k] * y[k]) * y[k], moved);
     }
-    if constexpr (M > 1) {
-      const auto is_open = and_(pressed == Real(0), y[0] >= Real(0));
-      const auto is_free = kLaw == Law::coulomb ? is_open : and_(is_boxed, is_open);
-      moved = max_(select(is_free, Real(0), slips), moved);
-    }
-    see(pressed, moved, share);
+    const auto is_open = and_(pressed == Real(0), has_no_error);
+    see(pressed, select(is_open, Real(0), moved), share);
   }
 };
 
