@@ -54,10 +54,9 @@ std::string body_violation(const BodyEnvironment<double>& env, const BodySolutio
   const auto batch = batch_of({system}, law);
   const Residual judged = verify(batch.view(), std::span<const double>(solution.impulse)).at(0);
   const EnvStatus& status = solution.status[0];
-  double largest_b = 0;
-  for (const double b : system.b) largest_b = std::abs(b) > largest_b ? std::abs(b) : largest_b;
   // The solver sums body by body, the judge row by row.
-  const double rounding = largest_b > 0 ? 2 * residual_rounding(batch.view(), 0, solution.impulse) / largest_b : 0;
+  const double bound = 2 * residual_rounding(batch.view(), 0, solution.impulse);
+  const double rounding = bound > 0 ? bound / judged.scale : 0;
   if (std::abs(judged.relative - status.residual) > rounding + 1e-12)
     out << "status says residual " << status.residual << ", the judge " << judged.relative << "; ";
   if (status.code == EnvCode::solved && judged.relative > kTolerance + rounding + 1e-12)

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <vector>
 
@@ -10,18 +11,18 @@ namespace stiction::test {
 
 /// How far apart the motions of two approximate solutions of one convex system can be.
 ///
-/// Let A + R be symmetric positive semidefinite. Let z and z' be reactions in circular coordinates with natural-map
-/// residuals r and r'. (r = a (z - p), p = P(z - y / a), a per cone.) The projection's inequality at p' and p, added
-/// up, gives (y - y')'(p - p') <= (r - r')'(p - p'). With p = z - r / a and g = y - y', d = z - z', s = norm(r) +
-/// norm(r'):
+/// Let A + R be symmetric positive semidefinite, and let (lambda, w) and (lambda', w') have errors e and e'
+/// (docs/math/residual.md): pairs that obey the law are no further away than that, a row's reaction by p_k and its
+/// motion by q_k in the rows' own units. Pairs that obey a convex law are monotone. With d = lambda - lambda' and
+/// g = w - w' so (g - q)'(d - p) <= 0, and norm(g)^2 <= L g'd, L a bound on the largest eigenvalue. norm(g) is at most the
+/// larger root of
 ///
-///     g'd <= s (norm(d) + s / a) + norm(g) s / a,     and  norm(g)^2 <= L g'd,
+///     g^2 = L (g norm(p) + norm(q) norm(d) + norm(p) norm(q)).
 ///
-/// a the smallest weight and L a bound on the largest eigenvalue. So norm(g) is at most the larger root of
-/// g^2 = L (s norm(d) + s^2 / a + g s / a). Residuals are themselves rounded: what that can be joins s. No constant is
-/// fitted; a solution that is wrong by more than its residual explains does not pass.
+/// A cone's error bounds the norm of unit_k d_k p_k and of unit_k q_k. Errors are themselves rounded: what that can be
+/// joins them. No constant is fitted; a solution that is wrong by more than its residual explains does not pass.
 struct MotionBound {
-  double difference;  ///< norm(y - y')
+  double difference;  ///< norm(w - w')
   double bound;
 };
 
@@ -29,43 +30,35 @@ struct MotionBound {
 inline MotionBound motion_bound(const ContactBatchView<double>& batch, Offset env, const std::vector<double>& lambda,
                                 double residual, const std::vector<double>& other, double other_residual) {
   const Offset first = batch.env_row_offsets[env];
-  const auto n = static_cast<std::size_t>(batch.env_row_offsets[env + 1] - first);
-  std::vector<double> mu(n, 1.0), diagonal(n, 0.0);
-  double smallest_weight = 0.0;
-  double cones = 0.0;
+  const double s =
+      residual + other_residual + residual_rounding(batch, env, lambda) + residual_rounding(batch, env, other);
+  std::vector<double> change(lambda.size());
+  for (std::size_t i = 0; i < lambda.size(); ++i) change[i] = lambda[i] - other[i];
+  double g2 = 0, d2 = 0, p2 = 0, q2 = 0, largest_row = 0;
   for (Offset c = batch.env_cone_offsets[env]; c < batch.env_cone_offsets[env + 1]; ++c) {
-    double trace = 0.0;
+    double least_press = 0, least_unit = 0, d_n = 0;
     for (Offset row = batch.cone_row_offsets[c]; row < batch.cone_row_offsets[c + 1]; ++row) {
-      if (batch.cone_kind[c] == ConeKind::friction && row > batch.cone_row_offsets[c])
-        mu[static_cast<std::size_t>(row - first)] = batch.mu[row];
-      trace += batch.R[row];
-      for (Offset k = batch.row_offsets[row]; k < batch.row_offsets[row + 1]; ++k)
-        if (batch.column[k] == row - first) trace += batch.A[k];
+      const RowSizes of = row_sizes(batch, first, row, change);
+      const bool is_axis = batch.cone_kind[c] == ConeKind::friction && row > batch.cone_row_offsets[c];
+      if (!is_axis) d_n = of.diagonal;
+      double row_sum = batch.R[row];
+      for (Offset k = batch.row_offsets[row]; k < batch.row_offsets[row + 1]; ++k) row_sum += std::abs(batch.A[k]);
+      largest_row = std::max(largest_row, row_sum);
+      // What an axis without friction does is no part of the law.
+      if (is_axis && !(batch.mu[row] > 0)) continue;
+      const double unit = is_axis ? axis_unit(d_n, of.diagonal) : 1.0;
+      const double g = of.motion - batch.b[row], d = change[static_cast<std::size_t>(row - first)];
+      g2 += g * g;
+      d2 += d * d;
+      const double press = unit * of.diagonal;
+      least_press = least_press > 0 ? std::min(press, least_press) : press;
+      least_unit = least_unit > 0 ? std::min(unit, least_unit) : unit;
     }
-    const double weight = trace / static_cast<double>(batch.cone_row_offsets[c + 1] - batch.cone_row_offsets[c]);
-    if (cones == 0.0 || weight < smallest_weight) smallest_weight = weight;
-    cones += 1.0;
+    p2 += s * s / (least_press * least_press);
+    q2 += s * s / (least_unit * least_unit);
   }
-  double g2 = 0.0, d2 = 0.0, largest_row = 0.0;
-  for (std::size_t i = 0; i < n; ++i) {
-    const Offset row = first + static_cast<Offset>(i);
-    double g = batch.R[row] * (lambda[i] - other[i]);
-    double row_sum = mu[i] * mu[i] * batch.R[row];
-    for (Offset k = batch.row_offsets[row]; k < batch.row_offsets[row + 1]; ++k) {
-      const auto j = static_cast<std::size_t>(batch.column[k]);
-      g += batch.A[k] * (lambda[j] - other[j]);
-      row_sum += std::abs(mu[i] * batch.A[k] * mu[j]);
-    }
-    g2 += mu[i] * g * mu[i] * g;
-    const double d = mu[i] > 0 ? (lambda[i] - other[i]) / mu[i] : 0.0;
-    d2 += d * d;
-    if (row_sum > largest_row) largest_row = row_sum;
-  }
-  const double rounding = residual_rounding(batch, env, lambda) + residual_rounding(batch, env, other);
-  const double s = (residual + other_residual + rounding) * std::sqrt(cones);
-  const double half = 0.5 * largest_row * s / smallest_weight;
-  const double root = half + std::sqrt(half * half + largest_row * (s * std::sqrt(d2) + s * s / smallest_weight));
-  return {std::sqrt(g2), root};
+  const double p = std::sqrt(p2), q = std::sqrt(q2), half = 0.5 * largest_row * p;
+  return {std::sqrt(g2), half + std::sqrt(half * half + largest_row * q * (std::sqrt(d2) + p))};
 }
 
 }  // namespace stiction::test

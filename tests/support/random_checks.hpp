@@ -58,14 +58,14 @@ inline std::string answer_violation(const Environment<double>& env, Law law, con
       if (!std::isfinite(value)) out << "an output is not finite; ";
   const Residual judged = verify(batch.view(), std::span<const double>(solution.lambda)).at(0);
   const EnvStatus& status = solution.status[0];
-  double largest_b = 0.0;
-  for (const double b : env.b) largest_b = std::abs(b) > largest_b ? std::abs(b) : largest_b;
-  const double rounding = residual_rounding(batch.view(), 0, solution.lambda) / largest_b;
+  const double bound = residual_rounding(batch.view(), 0, solution.lambda);
+  const double rounding = bound > 0.0 ? bound / judged.scale : 0.0;  // infinite where no contact has an error
   if (std::abs(judged.relative - status.residual) > rounding)
     out << "status says residual " << status.residual << ", the judge " << judged.relative << "; ";
   if (status.code == EnvCode::solved && judged.relative > o.tolerance + rounding)
     out << "`solved` at a residual of " << judged.relative << "; ";
-  if (status.code != EnvCode::solved && status.code != EnvCode::max_iterations && status.code != EnvCode::stalled)
+  if (status.code != EnvCode::solved && status.code != EnvCode::max_iterations && status.code != EnvCode::stalled &&
+      status.code != EnvCode::rounding)
     out << "ended as " << to_string(status.code) << "; ";
   out << cone_violation(env, solution.lambda);
   return out.str();
