@@ -30,7 +30,9 @@ static_assert(same(STICTION_ENV_MAX_ITERATIONS, EnvCode::max_iterations));
 static_assert(same(STICTION_ENV_STALLED, EnvCode::stalled));
 static_assert(same(STICTION_ENV_NUMERICAL, EnvCode::numerical));
 static_assert(same(STICTION_ENV_INVALID_INPUT, EnvCode::invalid_input));
-static_assert(same(STICTION_ENV_UNSUPPORTED, EnvCode::unsupported) && kEnvCodeCount == 6);
+static_assert(same(STICTION_ENV_UNSUPPORTED, EnvCode::unsupported));
+static_assert(same(STICTION_ENV_ROUNDING, EnvCode::rounding));
+static_assert(same(STICTION_ENV_INFEASIBLE, EnvCode::infeasible) && kEnvCodeCount == 8);
 
 constexpr bool same(stiction_env_flag flag, EnvFlag cpp) {
   return static_cast<std::uint32_t>(flag) == static_cast<std::uint32_t>(cpp);
@@ -47,7 +49,8 @@ static_assert(same(STICTION_FLAG_BAD_MASS, kFlagBadMass));
 static_assert(same(STICTION_FLAG_OVER_CAPACITY, kFlagOverCapacity));
 static_assert(same(STICTION_FLAG_BAD_STRUCTURE, kFlagBadStructure));
 static_assert(same(STICTION_FLAG_UNSUPPORTED_CONE, kFlagUnsupportedCone));
-static_assert(same(STICTION_FLAG_RAY, kFlagRay) && kEnvFlagCount == 13);
+static_assert(same(STICTION_FLAG_RAY, kFlagRay));
+static_assert(same(STICTION_FLAG_IMMOVABLE, kFlagImmovable) && kEnvFlagCount == 14);
 
 constexpr bool same(stiction_cone_kind kind, ConeKind cpp) {
   return static_cast<int>(kind) == static_cast<int>(cpp);

@@ -27,6 +27,10 @@ const char* to_string(EnvCode code) noexcept {
       return "invalid_input";
     case EnvCode::unsupported:
       return "unsupported";
+    case EnvCode::rounding:
+      return "rounding";
+    case EnvCode::infeasible:
+      return "infeasible";
   }
   return kUnknown;
 }
@@ -59,6 +63,8 @@ const char* flag_name(EnvFlag flag) noexcept {
       return "unsupported_cone";
     case kFlagRay:
       return "ray";
+    case kFlagImmovable:
+      return "immovable";
   }
   return kUnknown;
 }

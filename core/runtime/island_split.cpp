@@ -15,11 +15,13 @@ namespace {
 /// Which end of two islands an environment is said to have had: the larger one's. By EnvCode.
 constexpr std::array<int, kEnvCodeCount> kGravity = {
     0,  // solved
-    2,  // max_iterations
-    1,  // stalled
-    3,  // numerical
-    5,  // invalid_input
-    4,  // unsupported
+    4,  // max_iterations
+    2,  // stalled
+    5,  // numerical
+    7,  // invalid_input
+    6,  // unsupported
+    1,  // rounding
+    3,  // infeasible
 };
 
 /// Denominator of the relative residual where b = 0, as in residual_scale().

@@ -114,8 +114,11 @@ STICTION_HD bool finalize(TeamT& team, const EnvView<Real>& env, const StopRule&
   const double relative = div_(absolute, scale);
   const bool solved = finite_(relative) && relative <= rule.tolerance;
   progress.verified = best;
-  if (!solved && !poll.ended) return false;
+  // The iteration was given rows that cannot move as if they were at rest: it says how the others are.
+  const bool infeasible = (progress.flags & kFlagImmovable) != 0 && is_within(best, rule.tolerance);
+  if (!solved && !infeasible && !poll.ended) return false;
   const EnvCode code = solved                         ? EnvCode::solved
+                       : infeasible                   ? EnvCode::infeasible
                        : poll.broken                  ? EnvCode::numerical
                        : poll.stalled || poll.stopped ? EnvCode::stalled
                                                       : EnvCode::max_iterations;

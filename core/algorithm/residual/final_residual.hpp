@@ -202,10 +202,10 @@ STICTION_HD_SHARED FinalResidual final_residual(TeamT& team, const EnvView<Real>
           return;
         }
       }
-      const double lo = kind == ConeKind::box            ? static_cast<double>(env.lo[first])
+      const double lo = kind == ConeKind::box            ? static_cast<double>(lower_bound(env, first))
                         : kind == ConeKind::box_friction ? -1.0
                                                          : 0.0;
-      const double hi = kind == ConeKind::box ? static_cast<double>(env.hi[first]) : 0.0;
+      const double hi = kind == ConeKind::box ? static_cast<double>(upper_bound(env, first)) : 0.0;
       if (env.law == Law::coulomb) {
         largest.template add<Law::coulomb>(shape, x, y, a, lo, hi);
       } else {
