@@ -78,7 +78,7 @@ STICTION_HD void hold_row(const DenseSystem<Real, kStride>& s, const EnvView<Rea
   for (Index j = 0; couples && j < s.n; ++j) s.A[row + s.n * j] = s.A[j + s.n * row] = 0;
   s.A[row + s.n * row] = 1;
 }
-/// The same on blocks of the rows from `first` on.
+/// What hold_row() does to the blocks of the rows from `first` on.
 template <class Real>
 STICTION_HD void hold_block(const FileOrderSystem<Real>& s, Index first, Index size, Index row, bool couples) {
   const Index own = row - first;
