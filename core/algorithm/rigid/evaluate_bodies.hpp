@@ -63,7 +63,8 @@ STICTION_HD void evaluate_contact(const ExactGeometry<T>& contact, TwistOf&& twi
   evaluated.template add<kLaw>(ContactShape{}, reaction, y, weight, T(kLowerBound<Scalar<T>, kLaw>), T(0));
 }
 
-/// Writes s.exact and, if it is an answer, env.w; judges the iterate `x`.
+/// Writes s.exact and, if it is an answer, env.w; judges the iterate `x`. No iterate moves a held contact: it counts in
+/// an answer alone.
 template <Team TeamT, class Real, Law kLaw, int kStride>
 STICTION_HD_OUTLINE FinalResidual residual_of(TeamT& team, const BodyEnv<Real>& env,
                                               const BodySystem<Real, kLaw, kStride>& s,
@@ -73,6 +74,7 @@ STICTION_HD_OUTLINE FinalResidual residual_of(TeamT& team, const BodyEnv<Real>& 
   const double r = div_(params.cfm, params.step);
   LargestResidual<double> evaluated;
   for_each_tiled(team, s.contacts, [&](Index p) {
+    if (!is_answer && is_held(s, p)) return;
     const ExactContact contact = exact_contact(env, p);
     double lambda[3];
     for (Index k = 0; k < 3; ++k) lambda[k] = static_cast<double>(returned_impulse(env, x, p, k));
@@ -87,6 +89,24 @@ STICTION_HD_OUTLINE FinalResidual residual_of(TeamT& team, const BodyEnv<Real>& 
   });
   const double largest = sqrt_(team.max(evaluated.square));
   return {largest, team.max(evaluated.rounding_floor)};
+}
+
+/// kFlagImmovable where a held contact's law asks it to move, under the twists in s.exact.
+template <Team TeamT, class Real, Law kLaw, int kStride>
+STICTION_HD_OUTLINE std::uint32_t immovable_flag(TeamT& team, const BodyEnv<Real>& env,
+                                                 const BodySystem<Real, kLaw, kStride>& s, const SiParams& params) {
+  std::uint32_t flags = 0;
+  for_each_tiled(team, s.contacts, [&](Index p) {
+    if (!is_held(s, p)) return;
+    const ExactContact contact = exact_contact(env, p);
+    const Vector3<double> u = relative_velocity(twist_at<double>(s.exact_row(slot_of(contact.side_a))), contact.arm_a,
+                                                twist_at<double>(s.exact_row(slot_of(contact.side_b))), contact.arm_b);
+    const double mu = static_cast<double>(env.mu[contact.contact]);
+    const double along[3] = {0.0, mu * dot(u, contact.frame.t1), mu * dot(u, contact.frame.t2)};
+    const double slip = kLaw == Law::convex ? tangential_norm<3>(along) : 0.0;
+    if (dot(u, contact.frame.n) + bias_of(env, s, params, p, contact) < slip) flags |= kFlagImmovable;
+  });
+  return team.combine(flags);
 }
 
 /// The residual of the best iterate, which is the answer, as it may be held against the tolerance (reported_residual).

@@ -132,8 +132,10 @@ void begin_lanes(const PackEnv<T, W>& env, const BodyPack<T, W, kLaw>& s, const 
       const Wide value =
           largest_free_motion(contact, lanes.twist(workspace.twists, a), lanes.twist(workspace.twists, b), bias, most);
       most = select(exists, value, most);
+      const auto held = lanes.number(s.field.at(kFieldInverse, p)) == Wide(0.0);
+      const Wide own = select(held, Wide(static_cast<double>(kHeldBias)), bias);
       store_lanes(reinterpret_cast<T*>(&kept_bias) + first,
-                  narrowed<Pack<T, Lanes::kLanes>>(select(exists, bias, lanes.number(kept_bias))));
+                  narrowed<Pack<T, Lanes::kLanes>>(select(exists, own, lanes.number(kept_bias))));
     }
     for (int l = 0; l < Lanes::kLanes; ++l) largest[first + l] = most.v[l];
   }

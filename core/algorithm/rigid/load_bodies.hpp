@@ -98,7 +98,8 @@ STICTION_HD Real axis_gain(Real diagonal, Real inv_t) {
   return select(and_(diagonal > Real(0), inverse < most), inverse, most);
 }
 
-/// The constants of a contact's local problem, and whether it can be solved.
+/// The constants of a contact's local problem, and whether it can be solved. One that is held can be: neither body
+/// yields along its normal, so it carries nothing (docs/math/immovable.md).
 template <class Real, Law kLaw, int kStride>
 STICTION_HD Mask<Real> load_block(const BodySystem<Real, kLaw, kStride>& s, Index p, const ContactBlock<Real>& block) {
   const Real r = s.compliance;
@@ -136,8 +137,17 @@ STICTION_HD Mask<Real> load_block(const BodySystem<Real, kLaw, kStride>& s, Inde
   }
   const Real sum = (block.nn + r) + (block.t11 + r) + (block.t22 + r);
   s.field.at(kFieldWeight, p) = div_(sum, Real(3));
-  return and_(normal > Real(0), and_(block.t11 + r >= Real(0), block.t22 + r >= Real(0)));
+  const auto held = and_(normal == Real(0), and_(block.n1 == Real(0), block.n2 == Real(0)));
+  return and_(or_(normal > Real(0), held), and_(block.t11 + r >= Real(0), block.t22 + r >= Real(0)));
 }
+
+/// Whether a loaded contact is held.
+template <class System>
+STICTION_HD auto is_held(const System& s, Index p) {
+  return s.field.at(kFieldInverse, p) == typename System::Real(0);
+}
+/// Its bias, which no motion outweighs: to an iteration it is a contact that opens.
+inline constexpr float kHeldBias = 0x1p60F;
 
 /// In the lanes of `warm` x is a contact's warm start: it becomes the share of one sub-step, on its cone.
 template <class Real, Law kLaw, int kStride>
@@ -154,7 +164,8 @@ STICTION_HD void start_impulse(const BodySystem<Real, kLaw, kStride>& s, const S
   } else {
     project_second_order_cone<3>(z);
   }
-  for (int k = 0; k < 3; ++k) s.x.at(k, p) = select(warm, canonical_zero(z[k]), s.x.at(k, p));
+  const auto held = is_held(s, p);
+  for (int k = 0; k < 3; ++k) s.x.at(k, p) = select(warm, select(held, Real(0), canonical_zero(z[k])), s.x.at(k, p));
 }
 
 /// The numbers of the contact at position p as the batch has them; x is its warm start, or zero.
@@ -222,7 +233,7 @@ STICTION_HD_OUTLINE double begin_substep(TeamT& team, const BodyEnv<Real>& env,
   for_each_tiled(team, s.contacts, [&](Index p) {
     const ExactContact contact = exact_contact(env, p);
     const double bias = bias_of(env, s, params, p, contact);
-    s.field.at(kFieldBias, p) = static_cast<Real>(bias);
+    s.field.at(kFieldBias, p) = is_held(s, p) ? Real(kHeldBias) : static_cast<Real>(bias);
     largest = largest_free_motion<double>(contact, free_twist(env, s, params, slot_of(contact.side_a)),
                                           free_twist(env, s, params, slot_of(contact.side_b)), bias, largest);
   });

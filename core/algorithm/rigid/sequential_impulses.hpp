@@ -193,8 +193,15 @@ STICTION_HD bool finalize_bodies(TeamT& team, const BodyEnv<Real>& env, const Bo
   const double relative = div_(absolute, progress.scale);
   const bool solved = finite_(relative) && relative <= params.tolerance;
   progress.verified = progress.best;
-  if (!solved && !poll.ended) return false;
-  const EnvCode code = solved ? EnvCode::solved : poll.broken ? EnvCode::numerical : EnvCode::max_iterations;
+  // To the sweeps held contacts are open: the estimate says how the others are.
+  const bool is_held_back = !solved && static_cast<double>(progress.best) <= params.tolerance * progress.scale;
+  if (is_held_back) progress.flags |= immovable_flag(team, env, s, params);
+  const bool infeasible = is_held_back && (progress.flags & kFlagImmovable) != 0;
+  if (!solved && !infeasible && !poll.ended) return false;
+  const EnvCode code = solved        ? EnvCode::solved
+                       : infeasible  ? EnvCode::infeasible
+                       : poll.broken ? EnvCode::numerical
+                                     : EnvCode::max_iterations;
   write_bodies(team, env, s);
   write_body_status(team, env, params, code, progress.flags, earlier + progress.done, relative, absolute);
   return true;

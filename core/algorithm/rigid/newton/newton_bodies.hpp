@@ -236,10 +236,13 @@ STICTION_HD void solve_bodies_newton(TeamT& team, const BodyEnv<Real>& env, cons
     absolute = evaluate_bodies(team, env, s, params, entry.scale);
   }
   const double relative = div_(absolute, entry.scale);
-  const EnvCode code = finite_(relative) && relative <= params.tolerance ? EnvCode::solved
-                       : end == kSpaceBroken                             ? EnvCode::numerical
-                       : end == kSpaceOutOfSteps                         ? EnvCode::max_iterations
-                                                                         : EnvCode::stalled;
+  const bool solved = finite_(relative) && relative <= params.tolerance;
+  if (!solved && end == kSpaceMet) entry.flags |= immovable_flag(team, env, s, params);
+  const EnvCode code = solved                                ? EnvCode::solved
+                       : (entry.flags & kFlagImmovable) != 0 ? EnvCode::infeasible
+                       : end == kSpaceBroken                 ? EnvCode::numerical
+                       : end == kSpaceOutOfSteps             ? EnvCode::max_iterations
+                                                             : EnvCode::stalled;
   write_bodies(team, env, s);
   write_body_status(team, env, params, code, entry.flags, steps, relative, absolute);
 }
