@@ -49,7 +49,8 @@ static_assert(same(STICTION_FLAG_BAD_MASS, kFlagBadMass));
 static_assert(same(STICTION_FLAG_OVER_CAPACITY, kFlagOverCapacity));
 static_assert(same(STICTION_FLAG_BAD_STRUCTURE, kFlagBadStructure));
 static_assert(same(STICTION_FLAG_UNSUPPORTED_CONE, kFlagUnsupportedCone));
-static_assert(same(STICTION_FLAG_RAY, kFlagRay) && kEnvFlagCount == 13);
+static_assert(same(STICTION_FLAG_RAY, kFlagRay));
+static_assert(same(STICTION_FLAG_IMMOVABLE, kFlagImmovable) && kEnvFlagCount == 14);
 
 constexpr bool same(stiction_cone_kind kind, ConeKind cpp) {
   return static_cast<int>(kind) == static_cast<int>(cpp);

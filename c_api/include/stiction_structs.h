@@ -128,7 +128,7 @@ typedef enum stiction_env_code {
   STICTION_ENV_INVALID_INPUT = 4,  /**< see the flags; lambda = 0 and w = 0 are returned */
   STICTION_ENV_UNSUPPORTED = 5,    /**< the solver cannot treat this system; lambda = 0, w = b */
   STICTION_ENV_ROUNDING = 6,       /**< above the tolerance, and roundings of the reactions are all that is left */
-  STICTION_ENV_INFEASIBLE = 7      /**< a contact that nothing can move is pressed; all others have their reactions */
+  STICTION_ENV_INFEASIBLE = 7      /**< solved but for contacts that cannot move, which carry nothing */
 } stiction_env_code;
 
 /** What was noticed about one environment; any number of bits at once. */
@@ -146,6 +146,7 @@ typedef enum stiction_env_flag {
   STICTION_FLAG_BAD_STRUCTURE = 1 << 10,    /**< offsets, cones or columns out of order or range; not solved */
   STICTION_FLAG_UNSUPPORTED_CONE = 1 << 11, /**< a cone that the solver cannot treat; not solved */
   STICTION_FLAG_RAY = 1 << 12,              /**< lemke ended on a ray: it found no solution */
+  STICTION_FLAG_IMMOVABLE = 1 << 13,        /**< a row of A + R that is zero and that its law asks to move */
   STICTION_FLAG_CAPACITY = STICTION_FLAG_CONTACTS_DROPPED, /**< its name before epoch 2 */
   STICTION_FLAG_NO_ROOM = STICTION_FLAG_OVER_CAPACITY      /**< its name before epoch 2 */
 } stiction_env_flag;
@@ -268,8 +269,8 @@ typedef struct stiction_batch_view {
   const void* mu;                    /**< friction on a friction cone's tangential rows [-] (row_count) */
   const int64_t* mu_offsets;         /**< where in mu the friction of each row is, or null: at the row (row_count) */
   int64_t mu_count;                  /**< length of mu where mu_offsets is given */
-  const void* lo;                    /**< lower bound of box rows [lambda] (row_count) */
-  const void* hi;                    /**< upper bound of box rows [lambda] (row_count) */
+  const void* lo;                    /**< lower bound of box rows; -1e20 and below: none [lambda] (row_count) */
+  const void* hi;                    /**< upper bound of box rows; 1e20 and above: none [lambda] (row_count) */
 } stiction_batch_view;
 
 /** Where a solve writes; memory and precision are the batch's. */

@@ -71,4 +71,15 @@ Real diagonal_of(const ContactBatchView<Real>& batch, Offset env, Offset row, bo
   return diagonal;
 }
 
+/// Whether a row of A + R is zero: it cannot move, whatever its diagonal asks for.
+template <class Real>
+bool is_flat(const ContactBatchView<Real>& batch, Offset env, Offset row) {
+  const auto is_zero = [](std::span<const Real> values) {
+    return std::all_of(values.begin(), values.end(), [](Real value) { return value == Real(0); });
+  };
+  const auto entries = static_cast<std::size_t>(batch.row_entries(row));
+  return batch.R[row] == Real(0) && is_zero({batch.A + batch.row_offsets[row], entries}) &&
+         is_zero(factor_row(batch, env, row));
+}
+
 }  // namespace stiction

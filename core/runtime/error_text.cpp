@@ -63,6 +63,8 @@ const char* flag_name(EnvFlag flag) noexcept {
       return "unsupported_cone";
     case kFlagRay:
       return "ray";
+    case kFlagImmovable:
+      return "immovable";
   }
   return kUnknown;
 }

@@ -14,12 +14,12 @@ namespace {
 constexpr std::array<int, kEnvCodeCount> kGravity = {
     0,  // solved
     4,  // max_iterations
-    3,  // stalled
+    2,  // stalled
     5,  // numerical
     7,  // invalid_input
     6,  // unsupported
     1,  // rounding
-    2,  // infeasible
+    3,  // infeasible
 };
 
 EnvCode graver(EnvCode a, EnvCode b) {

@@ -109,7 +109,8 @@ class ValueValidator {
   }
 
   /// A + R needs a positive diagonal wherever a cone bounds the reaction, unless the environment is one for pivoting.
-  /// What is not finite was reported before.
+  /// A cone whose row is zero as a whole cannot move, and no method is given it. What is not finite was reported
+  /// before.
   void check_diagonals() {
     Offset looked_at = -1;
     bool takes_any = false;
@@ -123,6 +124,9 @@ class ValueValidator {
       const bool runs = structure_[static_cast<std::size_t>(env)].columns != StoredColumns::any;
       const Real diagonal = diagonal_of(batch_, env, row, runs);
       if (diagonal > 0 || !std::isfinite(diagonal)) return;
+      if (diagonal == 0 && batch_.cone_kind[cone] != ConeKind::semidefinite &&
+          is_flat(batch_, env, batch_.normal_row(cone)))
+        return;
       add_value("diagonal of A + R", env, cone, row, "", diagonal, "must be > 0 on every row that is not free");
     });
   }

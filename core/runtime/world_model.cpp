@@ -105,7 +105,8 @@ void check_shape(const std::string& name, const WorldShape& shape, std::size_t b
   }
   require_unit(name + ".orientation", shape.orientation);
   require_finite(name + ".position", all_finite(shape.position));
-  require(shape.mu >= 0, name + ".mu", shape.mu, "finite and >= 0");
+  require(shape.mu >= 0 && shape.mu <= kLargestShapeFriction, name + ".mu", shape.mu,
+          "a friction in [0, 1e12]; 1e3 sticks as well as any larger one");
   require(shape.restitution >= 0 && shape.restitution <= 1, name + ".restitution", shape.restitution, "in [0, 1]");
 }
 

@@ -62,8 +62,8 @@ class Batch(BatchArrays):
             also one such list per environment. kinds, dims instead: uint8 numbers and rows of all cones, (B, K) padded and (K,)
             flat.
         mu: friction per axis [-; torsional and rolling: m], on rows after a friction cone's first: one number, one per
-            row, or one per cone. R: compliance >= 0 [w / lambda]. lo, hi: bounds of box rows [lambda]. Like b in shape;
-            None: zeros.
+            row, or one per cone. R: compliance >= 0 [w / lambda]. lo, hi: bounds of box rows, from 1e20 on none [lambda].
+            Like b in shape; None: zeros.
         law: "convex" or "coulomb". groups: int32 manifold of each cone, or None.
         env_tolerance float64 (B,), env_max_iterations int32 (B,): instead of the solver's. Read in place at every solve; a
             negative number, or NaN, is the solver's.

@@ -45,8 +45,8 @@ class Shape:
         extents. "plane": no size; the half space below its x-y plane, of the world alone.
     body: its place in the world's list of bodies, -1: the world. position, orientation: of its centre and axes, in the
         body's axes; a unit quaternion (w, x, y, z).
-    mu: friction; a pair has the square root of the product of its two [-]. restitution: a pair has the larger of its
-        two, in [0, 1].
+    mu: friction, at most 1e12; a pair has the square root of the product of its two [-]. restitution: a pair has the
+        larger of its two, in [0, 1].
     """
 
     kind: str

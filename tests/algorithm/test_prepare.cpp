@@ -197,10 +197,18 @@ TEST(Prepare, AWarmStartComesInProjectedOntoItsCones) {
   EXPECT_TRUE(std::isfinite(s.scalar[kBestResidual])) << "the first iterate is recorded";
 }
 
-TEST(Prepare, WithoutARightHandSideAWarmStartIsSetAside) {
+TEST(Prepare, WithoutARightHandSideAWarmStartIsTaken) {
   DensePgs p(system({unilateral()}, {1}, {0}), {5});
   EXPECT_EQ(p.system().x[0], 0.0);
   EXPECT_EQ(p.system().scalar[kErrorScale], 1.0);
+}
+
+TEST(Prepare, ABoundThatExcludesZeroCountsAmongTheMotions) {
+  Environment<double> env = system({box(), box()}, diagonal({2, 1}), {0, 0});
+  env.lo = {3, -7};
+  env.hi = {5, 7};
+  DensePgs p(env);
+  EXPECT_EQ(p.system().scalar[kNormB], 6 * p.system().scalar[kScaleB]);
 }
 
 TEST(Prepare, BrokenNumbersAreFlaggedAndNothingElseIsDone) {
@@ -220,7 +228,10 @@ TEST(Prepare, BrokenNumbersAreFlaggedAndNothingElseIsDone) {
   env = sound;
   env.R = {0, -1e-3, 0};
   EXPECT_EQ(flags_of(env), static_cast<std::uint32_t>(kFlagNegativeCompliance));
-  EXPECT_EQ(flags_of(contact({0, 1, 1}, {-1, 0, 0}, 0.5)), static_cast<std::uint32_t>(kFlagBadDiagonal));
+  EXPECT_EQ(flags_of(contact({0, 1, 1}, {-1, 0, 0}, 0.5)), static_cast<std::uint32_t>(kFlagImmovable));
+  EXPECT_EQ(flags_of(contact({0, 1, 1}, {1, 0, 0}, 0.5)), 0U) << "nothing asks it to move";
+  EXPECT_EQ(flags_of(system({unilateral(), unilateral()}, {0, 1, 1, 1}, {-1, -1})),
+            static_cast<std::uint32_t>(kFlagBadDiagonal));
   EXPECT_EQ(flags_of(contact({1, 0, 0}, {-1, 0, 0}, 0.5)), 0U) << "a tangential row may couple to nothing";
   EXPECT_EQ(flags_of(contact({1, -1, 1}, {-1, 0, 0}, 0.5)), static_cast<std::uint32_t>(kFlagBadDiagonal));
   EXPECT_EQ(flags_of(system({free_row()}, {-1}, {1})), 0U) << "a free row bounds nothing";

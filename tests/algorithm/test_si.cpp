@@ -181,11 +181,17 @@ TEST(SequentialImpulses, APoisonedEnvironmentIsRefusedAlikeAndSafely) {
   poison([&](Env& env) { env.bodies[2].twist[4] = nan; }, kFlagNonFiniteInput);
   poison([&](Env& env) { env.contacts[5].mu = -1; }, kFlagNegativeFriction);
   poison([&](Env& env) { env.bodies[0].inv_mass = -1; }, kFlagBadMass);
-  poison(
-      [&](Env& env) {
-        for (auto& body : env.bodies) body.inv_mass = 0, body.inv_inertia = {};
-      },
-      kFlagBadDiagonal);
+}
+
+TEST(SequentialImpulses, ContactsBetweenBodiesThatStandCarryNothing) {
+  Env env = random_bodies(6, 8, 20);
+  for (auto& body : env.bodies) body.inv_mass = 0, body.inv_inertia = {};
+  const SiCase<Law::coulomb, double> one(env, 1, true, false);
+  EXPECT_EQ(one.expected().status[0].code, EnvCode::infeasible);
+  EXPECT_EQ(one.expected().status[0].flags, static_cast<std::uint32_t>(kFlagImmovable));
+  EXPECT_GT(one.expected().status[0].residual, 1e-3);
+  for (const double v : one.expected().impulse) EXPECT_EQ(v, 0);
+  one.expect_same_on_all_blocks();
 }
 
 TEST(SequentialImpulses, AnIterationThatOverflowsIsAnsweredAlike) {

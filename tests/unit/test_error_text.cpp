@@ -16,11 +16,11 @@ TEST(ErrorText, EveryCodeAndFlagHasANameOfItsOwn) {
   for (int code = 0; code < kEnvCodeCount; ++code) codes.insert(to_string(static_cast<EnvCode>(code)));
   for (int bit = 0; bit < kEnvFlagCount; ++bit) flags.insert(flag_name(static_cast<EnvFlag>(1U << bit)));
   EXPECT_EQ(codes, (std::set<std::string>{"solved", "max_iterations", "stalled", "numerical", "invalid_input",
-                                          "unsupported"}));
+                                          "unsupported", "rounding", "infeasible"}));
   EXPECT_EQ(flags,
             (std::set<std::string>{"non_finite_input", "negative_friction", "crossed_bounds", "negative_compliance",
                                    "bad_diagonal", "warm_start_rejected", "asymmetric", "contacts_dropped", "bad_mass",
-                                   "over_capacity", "bad_structure", "unsupported_cone", "ray"}));
+                                   "over_capacity", "bad_structure", "unsupported_cone", "ray", "immovable"}));
 }
 
 TEST(ErrorText, LawsPrecisionsAndKindsAreNamedAsInFilesAndOnTheCommandLine) {

@@ -125,10 +125,11 @@ TEST(Validate, NumbersThatAConeDoesNotUseAreNotLookedAt) {
 
 TEST(Validate, ADiagonalThatIsNotPositiveIsFoundOnRowsThatAreNotFree) {
   // Entries of env 2: (0,0) (1,1) (1,2) (2,1) (2,2) (3,3) (4,4), after the one of env 0.
-  expect_one([](Arrays& a) { a.A[0] = 0; }, 0, 0, 0, false,
-             "diagonal of A + R[env 0, cone 0, row 0] = 0: must be > 0 on every row that is not free" + kRemedy);
+  expect_one([](Arrays& a) { a.A[0] = -1; }, 0, 0, 0, false,
+             "diagonal of A + R[env 0, cone 0, row 0] = -1: must be > 0 on every row that is not free" + kRemedy);
   expect_one([](Arrays& a) { a.A[6] = -0.625; }, 2, 2, 3, false,
              "diagonal of A + R[env 2, cone 2, row 3] = -0.5: must be > 0 on every row that is not free" + kRemedy);
+  EXPECT_TRUE(defects_of([](Arrays& a) { a.A[0] = 0; }).empty()) << "a row that is zero as a whole cannot move";
   EXPECT_TRUE(defects_of([](Arrays& a) { a.A[1] = -4; }).empty()) << "a free row";
   EXPECT_TRUE(defects_of([](Arrays& a) { a.A[6] = 0; }).empty()) << "R makes the diagonal positive";
 }

@@ -51,8 +51,8 @@ STICTION_HD auto cone_point(Shape, const EnvView<Real>& env, const Rows& rows, c
     point.y[k] = point.mu[k] * w[i];
   }
   point.a = residual_weight(div_(diagonal, static_cast<double>(kRows)));
-  point.lo = Shape::kKind == ConeKind::box ? static_cast<double>(env.lo[first]) : 0.0;
-  point.hi = Shape::kKind == ConeKind::box ? static_cast<double>(env.hi[first]) : 0.0;
+  point.lo = Shape::kKind == ConeKind::box ? static_cast<double>(lower_bound(env, first)) : 0.0;
+  point.hi = Shape::kKind == ConeKind::box ? static_cast<double>(upper_bound(env, first)) : 0.0;
   return point;
 }
 

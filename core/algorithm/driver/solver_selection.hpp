@@ -1,5 +1,6 @@
 #pragma once
 
+#include "core/algorithm/load/held_rows.hpp"
 #include "core/algorithm/residual/final_residual.hpp"
 #include "core/job/env_features.hpp"
 #include "core/job/fallback_order.hpp"
@@ -45,7 +46,7 @@ STICTION_HD_OUTLINE EnvFeatures features(TeamT& team, const EnvView<Real>& env) 
     if (diagonal > 0.0) {
       largest = max_(diagonal, largest);
       inverse = max_(div_(1.0, diagonal), inverse);
-    } else if (env.kind[cone] != ConeKind::free) {
+    } else if (env.kind[cone] != ConeKind::free && held_rows(env, cone) == 0) {
       flat = 1.0;
     }
     for (Index k = 0; k < size; ++k) {

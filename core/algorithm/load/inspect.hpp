@@ -1,21 +1,24 @@
 #pragma once
 
-#include "core/algorithm/system/cone_slots.hpp"
-#include "core/algorithm/system/factor_system.hpp"
-#include "core/algorithm/system/sparse_system.hpp"
+#include "core/algorithm/load/held_rows.hpp"
+#include "core/algorithm/problem/cone_projection.hpp"
 #include "core/team/reduce.hpp"
 
 namespace stiction::inline STICTION_ISA {
 
 /// Flags that an environment may carry and still be solved.
-inline constexpr std::uint32_t kHarmlessFlags = kFlagWarmStartRejected | kFlagContactsDropped;
+inline constexpr std::uint32_t kHarmlessFlags = kFlagWarmStartRejected | kFlagContactsDropped | kFlagImmovable;
+
+/// Beside the flags of an environment that is being loaded: some of its rows are held. No status has it.
+inline constexpr std::uint32_t kHoldsRows = 1U << 31;
 
 /// What one pass over an environment's numbers tells.
 template <class Real>
 struct Inspection {
   std::uint32_t flags;    ///< EnvFlag bits; any but kHarmlessFlags makes the input invalid
-  Real largest_b;         ///< max|b| [w]
+  Real largest_b;         ///< max|b|, and what a box row without a reaction lacks [w]
   Real largest_diagonal;  ///< max of diag(A) + R [w / lambda]
+  bool holds_rows;        ///< held_rows() of some cone
 };
 
 /// Diagonal of A + diag R at one row (duplicates add up), and whether every number of the row's A is finite.
@@ -65,6 +68,35 @@ STICTION_HD RowScan<Real> scan_row(const EnvView<Real>& env, const FactorSystem<
   return {diagonal, finite};
 }
 
+/// Flags of a cone that has a zero on the diagonal, of its normal row or a single one.
+template <class Real>
+STICTION_HD_OUTLINE std::uint32_t look_at_flat(const EnvView<Real>& env, Index cone) {
+  const unsigned held = held_rows(env, cone);
+  if (held == 0) return env.kind[cone] == ConeKind::free ? 0U : kFlagBadDiagonal;
+  return kHoldsRows | (is_asked_to_move(env, cone, held) ? kFlagImmovable : 0U);
+}
+
+/// How far a box row without a reaction is from its bounds [w].
+template <class Real>
+STICTION_HD Real lack_of(Real lo, Real hi, Real diagonal) {
+  const Real lack = project_half_line(max_(lo, Real(0) - hi)) * diagonal;
+  return select(and_(diagonal > Real(0), finite_(lack)), lack, Real(0));
+}
+
+/// look_at_flat() of all cones, for what has seen no more than that some diagonal is zero.
+template <class Real, class System>
+STICTION_HD_OUTLINE std::uint32_t look_at_flat_rows(const EnvView<Real>& env, const System& s) {
+  std::uint32_t flags = 0;
+  for (Index cone = 0; cone < env.cone_count; ++cone) {
+    const Index size = env.cone_size(cone);
+    bool is_flat = false;
+    for (Index k = 0; k < (env.kind[cone] == ConeKind::free ? size : 1); ++k)
+      is_flat = is_flat || scan_row(env, s, env.row_of(env.cone_row(cone), size, k), true).diagonal == Real(0);
+    if (is_flat) flags |= look_at_flat(env, cone);
+  }
+  return flags;
+}
+
 /// Finiteness and signs, before anything is projected: a projection would turn NaN into zero. Leaves the sum of each
 /// cone's diagonal in the system's residual_weight.
 template <Team TeamT, class Real, class System>
@@ -100,9 +132,12 @@ STICTION_HD Inspection<Real> inspect(TeamT& team, const EnvView<Real>& env, Syst
         if (env.lo[i] > env.hi[i]) flags |= kFlagCrossedBounds;
       }
       if (!finite) flags |= kFlagNonFiniteInput;
-      // A tangential row that couples to nothing is solvable (it slides); a normal or single row is not.
-      const bool bad = k == 0 ? !(row.diagonal > Real(0)) : row.diagonal < Real(0);
-      if (bad && kind != ConeKind::free) flags |= kFlagBadDiagonal;
+      // A tangential row that couples to nothing is solvable (it slides). A normal or single row is so alone if it is
+      // held.
+      if (kind != ConeKind::free && row.diagonal < Real(0)) flags |= kFlagBadDiagonal;
+      if (row.diagonal == Real(0) && (k == 0 || kind == ConeKind::free)) flags |= look_at_flat(env, cone);
+      if (kind == ConeKind::box)
+        largest_b = max_(lack_of(lower_bound(env, i), upper_bound(env, i), row.diagonal), largest_b);
       sum = sum + row.diagonal;
       largest_diagonal = max_(abs_(row.diagonal), largest_diagonal);
     }
@@ -111,7 +146,8 @@ STICTION_HD Inspection<Real> inspect(TeamT& team, const EnvView<Real>& env, Syst
   if (env.warm_start != nullptr)
     for (Index i = team.rank(); i < env.n; i += team.size())
       if (!finite_(env.warm_start[i])) flags |= kFlagWarmStartRejected;
-  return {team.combine(flags), team.max(largest_b), team.max(largest_diagonal)};
+  flags = team.combine(flags);
+  return {flags & ~kHoldsRows, team.max(largest_b), team.max(largest_diagonal), (flags & kHoldsRows) != 0};
 }
 
 }  // namespace stiction::inline STICTION_ISA

@@ -2,6 +2,7 @@
 
 #include <type_traits>
 
+#include "core/algorithm/load/held_rows.hpp"
 #include "core/algorithm/residual/final_residual.hpp"
 #include "core/algorithm/system/cone_slots.hpp"
 #include "core/algorithm/system/factor_system.hpp"
@@ -148,25 +149,59 @@ STICTION_HD void spread_scales(const FactorSystem<Real>& s, Real) {
   spread_along_factor(*s.env, s.island, s.exact);
 }
 
+/// The error of a cone whose rows are held, in the solver's units: no reaction changes it.
+template <class Real>
+STICTION_HD_OUTLINE Real held_error(const EnvView<Real>& env, Index cone, Real scale_b) {
+  const ConeBounds bounds = cone_bounds(env, cone);
+  return with_shape(env.kind[cone], env.cone_size(cone), [&](auto shape) {
+    constexpr int kRows = decltype(shape)::kRows;
+    ConeMetric<double, kRows> metric;
+    metric.a = 0.0;
+    double none[kRows];
+    double y[kRows];
+    for (int k = 0; k < kRows; ++k) {
+      const Index i = env.row_of(env.cone_row(cone), kRows, k);
+      const double mu = static_cast<double>(row_scale(env, env.kind[cone], k, i));
+      const auto weights = axis_weights(0.0, 0.0, mu);
+      metric.press[k] = weights.press;
+      metric.slip[k] = weights.slip;
+      none[k] = 0.0;
+      y[k] = mu * (static_cast<double>(env.b[i]) * static_cast<double>(scale_b));
+    }
+    const double square = env.law == Law::coulomb
+                              ? law_error_square<Law::coulomb>(shape, none, y, metric, bounds.lo, bounds.hi)
+                              : law_error_square<Law::convex>(shape, none, y, metric, bounds.lo, bounds.hi);
+    return static_cast<Real>(sqrt_(square));
+  });
+}
+
 /// Turns the cones' own error scales, which are in s.island, into shares of the largest island's. A guess in an island
-/// that needs nothing is left out.
-template <Team TeamT, class Real, class System>
-STICTION_HD void weigh_islands(TeamT& team, const EnvView<Real>& env, System& s) {
-  Real own_most(0);
-  for_each_slot(team, env, s, [&](Index, ConeSlot slot) { own_most = max_(s.island[slot.cone], own_most); });
-  const Real most = team.max(own_most);
+/// that needs nothing is left out. is_held(cone, slot): its rows may be held. No search is for such a cone, whose error
+/// would hide that of all others; its share is negative.
+template <Team TeamT, class Real, class System, class IsHeld>
+STICTION_HD void weigh_islands(TeamT& team, const EnvView<Real>& env, System& s, IsHeld&& is_held) {
+  Real own_most(0), own_held(0);
+  const Real scale_b = s.scalar[kScaleB];
+  for_each_slot(team, env, s, [&](Index cone, ConeSlot slot) {
+    if (is_held(cone, slot)) {
+      s.island[slot.cone] = Real(0);
+      own_held = max_(held_error(env, cone, scale_b), own_held);
+    }
+    own_most = max_(s.island[slot.cone], own_most);
+  });
+  const Real of_others = team.max(own_most), of_held = team.max(own_held);
+  const Real most = of_others > Real(0) ? of_others : of_held;
   std::uint32_t differs = 0;
   for_each_slot(team, env, s, [&](Index, ConeSlot slot) { differs |= s.island[slot.cone] != most ? 1U : 0U; });
   if (team.combine(differs) != 0) single(team, [&] { spread_scales(s, most); });
   for_each_slot(team, env, s, [&](Index cone, ConeSlot slot) {
     const Real scale = s.island[slot.cone];
-    if (!(scale > Real(0)))
+    if (!(scale > Real(0)) && !is_held(cone, slot))
       for (Index k = 0; k < env.cone_size(cone); ++k) s.x[slot.row + k] = Real(0);
     const Real share = most > Real(0) ? island_share(most, scale) : Real(1);
-    // A contact that cannot move is not searched for: its error stays, and would hide that of all others.
-    const bool is_stuck = env.kind[cone] != ConeKind::free && !(s.press[slot.cone] > Real(0));
-    s.island[slot.cone] = is_stuck ? Real(0) : share;
-    s.shares[cone] = is_stuck ? Real(0) - share : share;
+    const bool held = is_held(cone, slot);
+    s.island[slot.cone] = held ? Real(0) : share;
+    s.shares[cone] = held ? Real(0) - island_share(most, held_error(env, cone, scale_b)) : share;
   });
   if (most > Real(0)) single(team, [&] { s.scalar[kErrorScale] = most; });
   team.sync();

@@ -30,8 +30,8 @@ STICTION_HD void load_row(const EnvView<Real>& env, System& s, Index cone, ConeS
   s.best[row] = row_scale(env, kind, k, i);
   if (k == 0) {
     s.inv_cone[slot.cone] = 1;
-    s.lo[slot.cone] = kind == ConeKind::box ? env.lo[i] : kind == ConeKind::box_friction ? Real(-1) : Real(0);
-    s.hi[slot.cone] = kind == ConeKind::box ? env.hi[i] : kind == ConeKind::box_friction ? Real(1) : Real(0);
+    s.lo[slot.cone] = kind == ConeKind::box ? lower_bound(env, i) : kind == ConeKind::box_friction ? Real(-1) : Real(0);
+    s.hi[slot.cone] = kind == ConeKind::box ? upper_bound(env, i) : kind == ConeKind::box_friction ? Real(1) : Real(0);
   }
 }
 
@@ -52,8 +52,7 @@ STICTION_HD LoadRules load_rules(Law law, const System& s) {
 /// Whether an environment that was found to be sound starts from its guess.
 template <class Real>
 STICTION_HD bool takes_warm_start(const EnvView<Real>& env, const Inspection<Real>& seen) {
-  // With b = 0 the answer is zero, and no warm start is better.
-  return env.warm_start != nullptr && (seen.flags & kFlagWarmStartRejected) == 0 && seen.largest_b > Real(0);
+  return env.warm_start != nullptr && (seen.flags & kFlagWarmStartRejected) == 0;
 }
 
 /// The scalars of an environment that has not begun.
@@ -90,6 +89,8 @@ STICTION_HD_SHARED std::uint32_t load_system(TeamT& team, const EnvView<Real>& e
       load_row(env, s, cone, slot, k, env.row_of(first, size, k));
       if (!warm) s.x[slot.row + k] = 0;
     }
+    if (const unsigned held = seen.holds_rows ? held_rows(env, cone) : 0U; held != 0)
+      hold_cone(env, s, cone, slot, held, scales);
     with_shape(env.kind[cone], size, [&](auto shape) {
       const bool is_matrix = kMayHaveSemidefinite<System> && env.kind[cone] == ConeKind::semidefinite;
       finish_cone(shape, s, slot.cone, slot.row, scales, true, env.law, is_matrix);
@@ -100,7 +101,8 @@ STICTION_HD_SHARED std::uint32_t load_system(TeamT& team, const EnvView<Real>& e
         for (Index k = 0; k < size; ++k) s.x[slot.row + k] = env.warm_start[first + k] * scales.x;
     }
   });
-  weigh_islands(team, env, s);
+  weigh_islands(team, env, s,
+                [&](Index cone, ConeSlot) { return seen.holds_rows && held_rows(env, cone) != 0; });
   if (rules.needs_symmetry && asymmetry(team, s) > Real(kLargestAsymmetry)) return flags | kFlagAsymmetric;
   return flags;
 }

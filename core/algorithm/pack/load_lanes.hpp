@@ -19,7 +19,7 @@ bool has_finite_rows(const EnvView<Real>& env) {
 /// What a pass over the numbers of all lanes tells.
 template <class Lanes>
 struct LanesSeen {
-  Mask<Lanes> broken, negative_compliance, negative_friction, crossed_bounds, bad_diagonal, bad_guess;
+  Mask<Lanes> broken, negative_compliance, negative_friction, crossed_bounds, bad_diagonal, flat, bad_guess;
   Lanes largest_b, largest_diagonal;
 };
 
@@ -31,7 +31,7 @@ LanesSeen<Pack<Real, W>> inspect_lanes(const DenseSystem<Pack<Real, W>>& pack, c
   using Lanes = Pack<Real, W>;
   const Lanes zero(0);
   const auto none = zero > zero;
-  LanesSeen<Lanes> seen{none, none, none, none, none, none, zero, zero};
+  LanesSeen<Lanes> seen{none, none, none, none, none, none, none, zero, zero};
   const auto note = [](Mask<Lanes>& found, Mask<Lanes> here) { found = or_(found, here); };
   for_each_segment(pack.counts, [&](auto shape, Index count, Index first_cone, Index first_row) {
     constexpr ConeKind kKind = decltype(shape)::kKind;
@@ -52,9 +52,10 @@ LanesSeen<Pack<Real, W>> inspect_lanes(const DenseSystem<Pack<Real, W>>& pack, c
           note(seen.broken, not_(finite_(workspace.scale[r])));
           note(seen.negative_friction, workspace.scale[r] < zero);
         }
-        // A tangential row that couples to nothing is solvable (it slides); a normal or single row is not.
-        if (kKind != ConeKind::free)
-          note(seen.bad_diagonal, k == 0 ? and_(exists, not_(diagonal > zero)) : diagonal < zero);
+        if (kKind != ConeKind::free) note(seen.bad_diagonal, diagonal < zero);
+        if (kKind == ConeKind::free || k == 0) note(seen.flat, and_(exists, diagonal == zero));
+        if (kKind == ConeKind::box)
+          seen.largest_b = max_(lack_of(workspace.lo[cone], workspace.hi[cone], diagonal), seen.largest_b);
         sum = sum + diagonal;
         seen.largest_b = max_(abs_(b), seen.largest_b);
         seen.largest_diagonal = max_(abs_(diagonal), seen.largest_diagonal);
@@ -76,7 +77,8 @@ LanesSeen<Pack<Real, W>> inspect_lanes(const DenseSystem<Pack<Real, W>>& pack, c
 
 /// One lane of it. `finite`: as gather_rows() found.
 template <class Real, int W>
-Inspection<Real> inspection_of(const LanesSeen<Pack<Real, W>>& seen, const EnvView<Real>& env, int lane, bool finite) {
+Inspection<Real> inspection_of(const LanesSeen<Pack<Real, W>>& seen, const EnvView<Real>& env,
+                               const DenseSystem<Real, W>& s, int lane, bool finite) {
   std::uint32_t flags = env.flags;
   const auto flag = [&](bool found, std::uint32_t bit) { flags |= found ? bit : 0U; };
   flag(!finite || is_set(seen.broken, lane), kFlagNonFiniteInput);
@@ -85,7 +87,8 @@ Inspection<Real> inspection_of(const LanesSeen<Pack<Real, W>>& seen, const EnvVi
   flag(is_set(seen.crossed_bounds, lane), kFlagCrossedBounds);
   flag(is_set(seen.bad_diagonal, lane), kFlagBadDiagonal);
   flag(is_set(seen.bad_guess, lane), kFlagWarmStartRejected);
-  return {flags, seen.largest_b.v[lane], seen.largest_diagonal.v[lane]};
+  if (is_set(seen.flat, lane)) flags |= look_at_flat_rows(env, s);
+  return {flags & ~kHoldsRows, seen.largest_b.v[lane], seen.largest_diagonal.v[lane], (flags & kHoldsRows) != 0};
 }
 
 /// Some columns of every row from rows that lie in memory into lanes, scaled. A part of a line of lanes at a time: as
@@ -271,6 +274,16 @@ void weigh_cones_of(const EnvView<Real>& env, const ConeCounts& slots, const Pac
   });
 }
 
+/// hold_cone() of all cones of a lane whose rows are in place.
+template <class Real, int W>
+void hold_lane(const EnvView<Real>& env, DenseSystem<Real, W> s) {
+  SerialTeam team;
+  const LoadScales<Real> scales = load_scales(s);
+  for_each_slot(team, env, s, [&](Index cone, ConeSlot slot) {
+    if (const unsigned held = held_rows(env, cone); held != 0) hold_cone(env, s, cone, slot, held, scales);
+  });
+}
+
 /// load_system() of all entrants; their flags tell which have entered. The others leave numbers of no account.
 template <class Real, int W>
 STICTION_HD_SHARED void load_lanes_of(const DenseSystem<Pack<Real, W>>& pack, const DenseSystem<Real, W>* lanes,
@@ -288,13 +301,14 @@ STICTION_HD_SHARED void load_lanes_of(const DenseSystem<Pack<Real, W>>& pack, co
   const LanesSeen<Lanes> looked = inspect_lanes(pack, workspace, loading_mark > Lanes(0));
   Lanes scale_a(1);
   PendingLoad<Real> sound[W];
+  bool holds_rows[W] = {};
   int sound_count = 0;
   for (int e = 0; e < count; ++e) {
     PendingLoad<Real>& load = loads[e];
     const EnvView<Real>& env = *load.env;
     const int lane = load.lane;
     const DenseSystem<Real, W>& s = lanes[lane];
-    const Inspection<Real> seen = inspection_of<Real, W>(looked, env, lane, !load.is_scaled || has_finite_rows(env));
+    const Inspection<Real> seen = inspection_of<Real, W>(looked, env, s, lane, !load.is_scaled || has_finite_rows(env));
     load.flags = rules.takes_any_diagonal ? seen.flags & ~kFlagBadDiagonal : seen.flags;
     if (!is_sound(load.flags)) {
       if (!has_finite_rows(env)) load.flags |= kFlagNonFiniteInput;
@@ -311,6 +325,7 @@ STICTION_HD_SHARED void load_lanes_of(const DenseSystem<Pack<Real, W>>& pack, co
     } else {
       scale_a.v[lane] = s.scalar[kScaleA];
     }
+    holds_rows[lane] = seen.holds_rows;
     sound[sound_count++] = load;
   }
   weigh_cones(pack.counts, workspace, loading_mark);
@@ -324,6 +339,8 @@ STICTION_HD_SHARED void load_lanes_of(const DenseSystem<Pack<Real, W>>& pack, co
     const Lanes scale = workspace.scale[r];
     diagonal = select(loading, diagonal + (workspace.compliance[r] * scales.a) * (scale * scale), diagonal);
   }
+  for (int e = 0; e < sound_count; ++e)
+    if (const int lane = sound[e].lane; holds_rows[lane]) hold_lane(*sound[e].env, lanes[lane]);
   auto asymmetric = Lanes(0) > Lanes(0);
   if (rules.needs_symmetry) asymmetric = asymmetric_lanes(pack);
   for (int e = 0; e < count; ++e) {
@@ -357,7 +374,10 @@ STICTION_HD_SHARED void start_lanes(DenseSystem<Pack<Real, W>>& pack, const Pack
   SerialTeam team;
   for (int k = 0; k < count; ++k) {
     DenseSystem<Real, W> s = lanes[loaded[k]];
-    weigh_islands(team, *envs[k], s);
+    const int lane = loaded[k];
+    weigh_islands(team, *envs[k], s, [&](Index cone, ConeSlot slot) {
+      return !(workspace.press[Offset{slot.cone} * W + lane] > 0.0) && held_rows(*envs[k], cone) != 0;
+    });
     const auto share = PackWorkspace<Real, W>::lane_of(workspace.share, loaded[k]);
     for (Index c = 0; c < s.cones; ++c) share[c] = Real(0);
     for_each_slot(team, *envs[k], s, [&](Index cone, ConeSlot slot) { share[slot.cone] = s.shares[cone]; });

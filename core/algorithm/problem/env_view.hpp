@@ -1,5 +1,6 @@
 #pragma once
 
+#include "core/algorithm/problem/bounds.hpp"
 #include "core/base/dense_rows.hpp"
 #include "core/base/real.hpp"
 #include "core/base/strided.hpp"
@@ -86,6 +87,16 @@ STICTION_HD bool has_full_rows(const EnvView<Real>& env) {
 template <class Real>
 STICTION_HD Real row_scale(const EnvView<Real>& env, ConeKind kind, Index k, Index row) {
   return carries_friction(kind) && k > 0 ? env.friction(row) : Real(1);
+}
+
+/// Bounds of a box row.
+template <class Real>
+STICTION_HD Real lower_bound(const EnvView<Real>& env, Index row) {
+  return lower_or_none(env.lo[row]);
+}
+template <class Real>
+STICTION_HD Real upper_bound(const EnvView<Real>& env, Index row) {
+  return upper_or_none(env.hi[row]);
 }
 
 /// Slices the problem alone. What comes from a plan or a solution is not set.

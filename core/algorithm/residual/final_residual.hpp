@@ -296,7 +296,7 @@ template <class Real>
 STICTION_HD ConeBounds cone_bounds(const EnvView<Real>& env, Index cone) {
   const ConeKind kind = env.kind[cone];
   const Index first = env.cone_row(cone);
-  if (kind == ConeKind::box) return {static_cast<double>(env.lo[first]), static_cast<double>(env.hi[first])};
+  if (kind == ConeKind::box) return {static_cast<double>(lower_bound(env, first)), static_cast<double>(upper_bound(env, first))};
   return {kind == ConeKind::box_friction ? -1.0 : 0.0, 0.0};
 }
 

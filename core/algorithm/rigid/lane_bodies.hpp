@@ -138,7 +138,9 @@ void begin_lanes(const PackEnv<T, W>& env, const BodyPack<T, W, kLaw>& s, const 
       const auto exists = exists_at(p);
       if (!any(exists)) continue;
       Wide b[3];
-      put(s.field.at(kFieldBias, p), first, exists, find_b(p, b));
+      const Wide bias = find_b(p, b);
+      const auto held = lanes.number(s.field.at(kFieldInverse, p)) == Wide(0.0);
+      put(s.field.at(kFieldBias, p), first, exists, select(held, Wide(static_cast<double>(kHeldBias)), bias));
       for (int k = 0; k < 3; ++k) largest = select(exists, max_(abs_(b[k]), largest), largest);
     }
     double units[Lanes::kLanes];
@@ -146,6 +148,7 @@ void begin_lanes(const PackEnv<T, W>& env, const BodyPack<T, W, kLaw>& s, const 
     Wide unit;
     load_lanes(units, unit);
     Wide most(0.0);
+    Wide of_held(0.0);
     for (Index p = 0; p < s.contacts; ++p) {
       const auto exists = exists_at(p);
       if (!any(exists)) continue;
@@ -154,8 +157,11 @@ void begin_lanes(const PackEnv<T, W>& env, const BodyPack<T, W, kLaw>& s, const 
       const auto field = [&](Index k) { return lanes.number(s.field.at(k, p)); };
       const auto metric = contact_metric(field(kFieldPress), field(kFieldPress + 1), field(kFieldPress + 2));
       put(s.field.at(kFieldShare, p), first, exists, error_at_rest<kLaw>(b, field(kFieldMu), metric, unit));
-      most = select(exists, max_(field(kFieldShare), most), most);
+      const auto held = field(kFieldInverse) == Wide(0.0);
+      most = select(and_(exists, not_(held)), max_(field(kFieldShare), most), most);
+      of_held = select(and_(exists, held), max_(field(kFieldShare), of_held), of_held);
     }
+    most = select(most > Wide(0.0), most, of_held);
     for (int l = 0; l < Lanes::kLanes; ++l) scales[first + l] = {max_(most.v[l], 1e-300), units[l]};
   }
 }

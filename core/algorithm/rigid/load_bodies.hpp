@@ -99,7 +99,8 @@ STICTION_HD Real axis_gain(Real diagonal, Real inv_t) {
   return select(and_(diagonal > Real(0), inverse < most), inverse, most);
 }
 
-/// The constants of a contact's local problem, and whether it can be solved.
+/// The constants of a contact's local problem, and whether it can be solved. One that is held can be: neither body
+/// yields along its normal, so it carries nothing (docs/math/immovable.md).
 template <class Real, Law kLaw, int kStride>
 STICTION_HD Mask<Real> load_block(const BodySystem<Real, kLaw, kStride>& s, Index p, const ContactBlock<Real>& block) {
   const Real r = s.compliance;
@@ -141,8 +142,17 @@ STICTION_HD Mask<Real> load_block(const BodySystem<Real, kLaw, kStride>& s, Inde
   s.field.at(kFieldPress, p) = a;
   s.field.at(kFieldPress + 1, p) = axis_weights(a, block.t11 + r, mu).press;
   s.field.at(kFieldPress + 2, p) = axis_weights(a, block.t22 + r, mu).press;
-  return and_(normal > Real(0), and_(block.t11 + r >= Real(0), block.t22 + r >= Real(0)));
+  const auto held = and_(normal == Real(0), and_(block.n1 == Real(0), block.n2 == Real(0)));
+  return and_(or_(normal > Real(0), held), and_(block.t11 + r >= Real(0), block.t22 + r >= Real(0)));
 }
+
+/// Whether a loaded contact is held.
+template <class System>
+STICTION_HD auto is_held(const System& s, Index p) {
+  return s.field.at(kFieldInverse, p) == typename System::Real(0);
+}
+/// Its bias, which no motion outweighs: to an iteration it is a contact that opens.
+inline constexpr float kHeldBias = 0x1p60F;
 
 /// In the lanes of `warm` x is a contact's warm start: it becomes the share of one sub-step, on its cone.
 template <class Real, Law kLaw, int kStride>
@@ -159,7 +169,8 @@ STICTION_HD void start_impulse(const BodySystem<Real, kLaw, kStride>& s, const S
   } else {
     project_second_order_cone<3>(z);
   }
-  for (int k = 0; k < 3; ++k) s.x.at(k, p) = select(warm, canonical_zero(z[k]), s.x.at(k, p));
+  const auto held = is_held(s, p);
+  for (int k = 0; k < 3; ++k) s.x.at(k, p) = select(warm, select(held, Real(0), canonical_zero(z[k])), s.x.at(k, p));
 }
 
 /// The numbers of the contact at position p as the batch has them; x is its warm start, or zero.
@@ -291,13 +302,14 @@ STICTION_HD bool share_scales(TeamT&, const BodyEnv<Real>&, const BodySystem<Rea
   return false;
 }
 
-/// Turns the contacts' own error scales, which are in kFieldShare, into shares of `most`, the largest (docs/math/residual.md). An impulse
-/// in an island that needs nothing is left out.
+/// Turns the contacts' own error scales, which are in kFieldShare, into shares of `most`, the largest
+/// (docs/math/residual.md). An impulse in an island that needs nothing is left out. Held contacts have a negative share.
 template <Team TeamT, class Real, Law kLaw, int kStride>
 STICTION_HD_OUTLINE void weigh_islands(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
                                        const Strided<double, kStride>& reach, double most) {
   double differs = 0.0;
   for_each_tiled(team, s.contacts, [&](Index p) {
+    if (is_held(s, p)) return;
     differs = static_cast<double>(s.field.at(kFieldShare, p)) != static_cast<double>(static_cast<Real>(most)) ? 1.0
                                                                                                               : differs;
   });
@@ -312,6 +324,10 @@ STICTION_HD_OUTLINE void weigh_islands(TeamT& team, const BodyEnv<Real>& env, co
   }
   for_each_tiled(team, s.contacts, [&](Index p) {
     Real& share = s.field.at(kFieldShare, p);
+    if (is_held(s, p)) {
+      share = Real(0) - island_share(static_cast<Real>(most), share);
+      return;
+    }
     if (!(share > Real(0)))
       for (Index k = 0; k < 3; ++k) s.x.at(k, p) = Real(0);
     share = most > 0.0 ? island_share(static_cast<Real>(most), share) : Real(1);
@@ -333,12 +349,13 @@ STICTION_HD_OUTLINE ErrorScale begin_substep(TeamT& team, const BodyEnv<Real>& e
   double largest = 0.0;
   for_each_tiled(team, s.contacts, [&](Index p) {
     double b[3];
-    s.field.at(kFieldBias, p) = static_cast<Real>(find_b(p, b));
+    const Real bias = static_cast<Real>(find_b(p, b));
+    s.field.at(kFieldBias, p) = is_held(s, p) ? Real(kHeldBias) : bias;
     for (const double value : b) largest = max_(abs_(value), largest);
   });
   largest = team.max(largest);
   const double unit = error_unit(largest);
-  double most = 0.0;
+  double most = 0.0, of_held = 0.0;
   for_each_tiled(team, s.contacts, [&](Index p) {
     double b[3];
     find_b(p, b);
@@ -346,10 +363,16 @@ STICTION_HD_OUTLINE ErrorScale begin_substep(TeamT& team, const BodyEnv<Real>& e
     const auto metric = contact_metric(field(kFieldPress), field(kFieldPress + 1), field(kFieldPress + 2));
     const Real own = static_cast<Real>(error_at_rest<kLaw>(b, field(kFieldMu), metric, unit));
     s.field.at(kFieldShare, p) = own;
-    most = max_(static_cast<double>(own), most);
+    if (is_held(s, p)) {
+      of_held = max_(static_cast<double>(own), of_held);
+    } else {
+      most = max_(static_cast<double>(own), most);
+    }
   });
   most = team.max(most);
-  weigh_islands(team, env, s, s.exact, most);
+  of_held = team.max(of_held);
+  if (!(most > 0.0)) most = of_held;
+  weigh_islands(team, env, s, s.exact, most > 1e-300 ? most : 0.0);
   return {max_(most, 1e-300), unit};
 }
 

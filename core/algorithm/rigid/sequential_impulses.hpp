@@ -194,6 +194,7 @@ STICTION_HD bool finalize_bodies(TeamT& team, const BodyEnv<Real>& env, const Bo
   }
   progress.verified = progress.best;
   if (!verdict.is_final() && !poll.ended) return false;
+  if (verdict.is_infeasible) progress.flags |= kFlagImmovable;
   const EnvCode code = verdict.code(poll.broken ? EnvCode::numerical : EnvCode::max_iterations);
   write_bodies(team, env, s);
   write_body_status(team, env, params, code, progress.flags, earlier + progress.done, verdict.relative,

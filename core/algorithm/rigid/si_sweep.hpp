@@ -254,7 +254,8 @@ STICTION_HD_OUTLINE auto estimate_residual(TeamT& team, const Env& env, const Sy
                                        s.field.at(kFieldPress + 2, p));
     const Real share = s.field.at(kFieldShare, p);
     const Real square = law_error_square<System::kLaw>(ContactShape{}, x, y, metric, lo, Real(0));
-    largest = max_((square * share) * share, largest);
+    // No sweep moves a held contact, whose share is negative.
+    largest = max_(select(share > Real(0), (square * share) * share, Real(0)), largest);
   });
   return sqrt_(team.max(largest));
 }

@@ -123,8 +123,8 @@ STICTION_HD auto lone_cone(Shape, const EnvView<Real>& env, const SweepTape& s, 
   lone.inv_t[0] = measure[1];
   lone.damping[0] = measure[2];
   lone.share[0] = measure[3];
-  lone.lo[0] = Shape::kKind == ConeKind::box ? static_cast<double>(env.lo[first]) : 0.0;
-  lone.hi[0] = Shape::kKind == ConeKind::box ? static_cast<double>(env.hi[first]) : 0.0;
+  lone.lo[0] = Shape::kKind == ConeKind::box ? static_cast<double>(lower_bound(env, first)) : 0.0;
+  lone.hi[0] = Shape::kKind == ConeKind::box ? static_cast<double>(upper_bound(env, first)) : 0.0;
   return lone;
 }
 

@@ -2,6 +2,7 @@
 
 #include <type_traits>
 
+#include "core/algorithm/problem/bounds.hpp"
 #include "core/algorithm/velocity/velocity_workspace.hpp"
 #include "core/base/transpose.hpp"
 
@@ -248,7 +249,7 @@ struct Bounds {
 template <class Real>
 STICTION_HD Bounds<Real> bounds_of(const JacobianBatchView<Real>& batch, ConeKind kind, Offset row) {
   const Real infinite = static_cast<Real>(__builtin_huge_val());
-  if (kind == ConeKind::box) return {batch.lo[row], batch.hi[row]};
+  if (kind == ConeKind::box) return {lower_or_none(batch.lo[row]), upper_or_none(batch.hi[row])};
   return {kind == ConeKind::free ? Real(0) - infinite : Real(0), infinite};
 }
 

@@ -111,7 +111,8 @@ STICTION_HD void load_warm_start(TeamT& team, const WarmStartLoadJob<Real>& job,
 
 /// Whether an answer is worth starting from. Named one by one: a code that is not known here is not trusted.
 STICTION_HD bool worth_storing(EnvCode code) {
-  return code == EnvCode::solved || code == EnvCode::max_iterations || code == EnvCode::stalled;
+  return code == EnvCode::solved || code == EnvCode::max_iterations || code == EnvCode::stalled ||
+         code == EnvCode::rounding || code == EnvCode::infeasible;
 }
 
 /// Drops what is stored of one environment, and notes why.

@@ -68,8 +68,9 @@ struct ContactBatchView {
   const Offset* mu_offsets = nullptr;  ///< where in mu the friction of each row is, where rows share it; null: at the
                                        ///< row                                       (row_count)
   Offset mu_count = 0;                 ///< length of mu where mu_offsets is given
-  const Real* lo = nullptr;  ///< lower bound of a box row, may be -infinity [lambda]; ignored elsewhere (row_count)
-  const Real* hi = nullptr;  ///< upper bound of a box row, may be +infinity [lambda]; ignored elsewhere (row_count)
+  const Real* lo =
+      nullptr;  ///< lower bound of a box row; -1e20 and below: none [lambda]; ignored elsewhere (row_count)
+  const Real* hi = nullptr;  ///< upper bound of a box row; 1e20 and above: none [lambda]; ignored elsewhere (row_count)
   bool normal_last = false;  ///< rows of friction cones come tangential first and the normal last; environments that
                              ///< are not solved densely (choose_path) cannot be read so
   bool ends_early = false;   ///< in device memory: rows and cones end with the last environment's offsets, and the
@@ -206,7 +207,8 @@ struct Defect {
 /// Every broken precondition of a host batch, at most `limit` of them, in the order of the arrays. Structure first:
 /// values are read only where the structure holds. An empty result means that the batch is sound. Complementary
 /// pivoting (`lemke`, and `automatic`, which has it) also takes rows of A + R without a positive diagonal, in
-/// environments without friction cones. Under those solvers they are no defects.
+/// environments without friction cones. Under those solvers they are no defects. Nor are rows of A + R that are zero as
+/// a whole (kFlagImmovable).
 template <class Real>
 std::vector<Defect> validate(const ContactBatchView<Real>& batch, std::size_t limit = 64,
                              SolverKind solver = SolverKind::npgs);

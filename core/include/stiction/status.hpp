@@ -21,8 +21,7 @@ enum class EnvCode : std::uint8_t {
   unsupported = 5,     ///< the solver cannot treat this system (see the flags); lambda = 0, w = b
   rounding = 6,        ///< the residual is above the tolerance, and roundings of the reactions are all that is left of
                        ///< it: no solver gets below in this precision. The best iterate seen is returned
-  infeasible = 7,      ///< a contact that nothing can move is pressed (kFlagBadDiagonal); it has no reaction, all others
-                       ///< have theirs
+  infeasible = 7,      ///< solved but for contacts that cannot move (kFlagImmovable), which carry nothing
 };
 
 /// Number of EnvCode values; status counts are arrays of this length.
@@ -34,7 +33,8 @@ enum EnvFlag : std::uint32_t {
   kFlagNegativeFriction = 1U << 1,    ///< some mu < 0
   kFlagCrossedBounds = 1U << 2,       ///< some lo > hi
   kFlagNegativeCompliance = 1U << 3,  ///< some R < 0
-  kFlagBadDiagonal = 1U << 4,         ///< a non-free cone whose normal diagonal of A + R is <= 0, or a negative one
+  kFlagBadDiagonal = 1U << 4,         ///< a non-free cone with a negative diagonal of A + R, or with a normal one of
+                                      ///< zero in a row that is not zero
   kFlagWarmStartRejected = 1U << 5,   ///< the warm start was not finite; started from zero
   kFlagAsymmetric = 1U << 6,          ///< A differs from its transpose by more than 1e-2 of its largest entry
   kFlagContactsDropped = 1U << 7,     ///< more contacts than there was room for; solved with those that are there
@@ -46,13 +46,15 @@ enum EnvFlag : std::uint32_t {
                                       ///< admm, newton, ipm and box_friction. Of semidefinite all but jacobi, apgd
                                       ///< and admm. Not solved
   kFlagRay = 1U << 12,                ///< lemke ended on a ray: it found no solution, and there may be none
+  kFlagImmovable = 1U << 13,          ///< a row of A + R that is zero and that its law asks to move: nothing can push
+                                      ///< it. Its contact carries nothing, all others are solved
 
   kFlagCapacity = kFlagContactsDropped,  ///< its name before epoch 2, kept until 1.0
   kFlagNoRoom = kFlagOverCapacity,       ///< its name before epoch 2, kept until 1.0
 };
 
 /// Number of EnvFlag bits in use.
-inline constexpr int kEnvFlagCount = 13;
+inline constexpr int kEnvFlagCount = 14;
 
 /// The record every environment gets, on the device that solved it. 32 bytes, no padding.
 struct EnvStatus {

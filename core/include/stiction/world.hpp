@@ -22,6 +22,9 @@ enum class ShapeKind : std::uint8_t {
   plane = 3,    ///< half space below the shape's x-y plane; its normal is the shape's z axis; of the world alone
 };
 
+/// The largest friction that a shape may have. Steps see squares of it, which single precision must hold.
+inline constexpr double kLargestShapeFriction = 1e12;
+
 /// A shape fixed to a body or to the world. Lengths in m.
 struct WorldShape {
   Index body = -1;                                ///< -1: the world
@@ -29,7 +32,8 @@ struct WorldShape {
   std::array<double, 3> size{};                   ///< as the kind says, > 0 [m]
   std::array<double, 3> position{};               ///< of its centre, in the body's axes
   std::array<double, 4> orientation{1, 0, 0, 0};  ///< unit quaternion (w, x, y, z), from the shape's axes to the body's
-  double mu = 0.5;           ///< friction, >= 0; a pair has the square root of the product of its two [-]
+  double mu = 0.5;           ///< friction, >= 0 and at most kLargestShapeFriction; a pair has the square root of the
+                             ///< product of its two [-]
   double restitution = 0.0;  ///< Newton's, in [0, 1]; a pair has the larger of its two [-]
 };
 

@@ -74,7 +74,8 @@ STICTION_HD_OUTLINE void load_space_contacts(TeamT& team, const BodyEnv<Real>& e
     ContactBlock<double> own{0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
     add_body(own, exact_mass(env, exact.side_a), exact.arm_a, exact.frame);
     add_body(own, exact_mass(env, exact.side_b), exact.arm_b, exact.frame);
-    contact.mean = div_((own.nn + own.t11) + own.t22, 3.0) + compliance;
+    const double mean = div_((own.nn + own.t11) + own.t22, 3.0) + compliance;
+    contact.mean = mean > 0.0 ? mean : 1.0;  // of a contact that is held, and carries nothing
   });
 }
 
@@ -110,7 +111,8 @@ STICTION_HD_OUTLINE void enter_space(TeamT& team, const BodyEnv<Real>& env, cons
     SpaceContact& contact = workspace.contact[p];
     const Vector3<double> u = relative_velocity(free_twist(env, s, params, slot_of(contact.side_a)), contact.arm_a,
                                                 free_twist(env, s, params, slot_of(contact.side_b)), contact.arm_b);
-    contact.free[0] = dot(u, contact.frame.n) + bias_of(env, s, params, p, exact_contact(env, p));
+    contact.free[0] = is_held(s, p) ? static_cast<double>(kHeldBias)
+                                    : dot(u, contact.frame.n) + bias_of(env, s, params, p, exact_contact(env, p));
     contact.free[1] = dot(u, contact.frame.t1);
     contact.free[2] = dot(u, contact.frame.t2);
     contact.shift = 0.0;

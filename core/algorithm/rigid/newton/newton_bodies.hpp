@@ -235,6 +235,7 @@ STICTION_HD void solve_bodies_newton(TeamT& team, const BodyEnv<Real>& env, cons
     entry.scale = fall_back(team, env, s, params);
     verdict = evaluate_bodies(team, env, s, params, entry.scale);
   }
+  if (verdict.is_infeasible) entry.flags |= kFlagImmovable;
   const EnvCode code = verdict.code(end == kSpaceBroken       ? EnvCode::numerical
                                     : end == kSpaceOutOfSteps ? EnvCode::max_iterations
                                                               : EnvCode::stalled);

@@ -32,9 +32,10 @@ STICTION_HD void start_row(const IpmSpace& p, Index row, const RowBounds& bounds
   } else if (bounds.has_lo && bounds.has_hi) {
     const double width = bounds.hi - bounds.lo;
     const double inset = min_(margin, 0.5 * width);
+    // Each distance for itself: of a far bound none is left of the other's digits.
     lower = clamp_(wish - bounds.lo, inset, width - inset);
-    upper = width - lower;
-    p.x[row] = bounds.lo + lower;
+    upper = clamp_(bounds.hi - wish, inset, width - inset);
+    p.x[row] = lower < upper ? bounds.lo + lower : bounds.hi - upper;
   } else if (bounds.has_lo) {
     lower = max_(wish - bounds.lo, margin);
     p.x[row] = bounds.lo + lower;

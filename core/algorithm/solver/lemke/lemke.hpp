@@ -22,6 +22,7 @@ struct Lemke {
   static constexpr double kLongPath = 3.0;  ///< pivots for each row before a path is begun anew
   static constexpr double kGoldenRatio = 0.61803398874989485;
   static constexpr double kFeasible = 1e-11;  ///< of the largest value
+  static constexpr float kFarBound = 0x1p20F;
   static STICTION_HD constexpr bool needs_symmetry(Law) { return false; }
   static constexpr bool kTakesAnyDiagonal = true;
   static constexpr bool kTakesBoxFriction = true;
@@ -44,17 +45,18 @@ struct Lemke {
   static STICTION_HD_OUTLINE void start(TeamT& team, System& s) {
     const Tableau t(s);
     single(team, [&] { t.state[kPathsBegun] = t.state[kRaysMet] = t.state[kPivots] = 0.0; });
-    // Boxes start at the bound that b pushes them to, equalities are solved for.
+    // Boxes start at the bound that b pushes them to, equalities are solved for. A far bound is no place to start
+    // from: sums there lose the digits of b.
     s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
       constexpr ConeKind kConeKind = decltype(shape)::kKind;
       double side = 1.0;
       bool is_free = kConeKind == ConeKind::free;
       if constexpr (kConeKind == ConeKind::box) {
-        const bool lower = finite_(s.lo[cone]);
-        const bool upper = finite_(s.hi[cone]);
-        is_free = !lower && !upper;
+        const bool lower = is_near(s.lo[cone]);
+        const bool upper = is_near(s.hi[cone]);
         side = lower && (!upper || !(s.b[row] < 0)) ? 1.0 : -1.0;
         if (!(s.lo[cone] < s.hi[cone])) side = 0.0;
+        is_free = !lower && !upper && s.lo[cone] < s.hi[cone];
       }
       t.side[row] = is_free ? 0.0 : side;
       t.ratio[row] = is_free ? 1.0 : 0.0;
@@ -80,6 +82,11 @@ struct Lemke {
   static STICTION_HD void refresh(TeamT&, System&, Mask<typename System::Real>) {}
 
  private:
+  /// Whether a bound is one to start from. The largest of b and of the diagonal are about 1.
+  template <class Real>
+  static STICTION_HD bool is_near(Real bound) {
+    return abs_(bound) < Real(kFarBound);
+  }
   template <class System>
   static STICTION_HD const ConeCounts& counts_of(const System& s) {
     if constexpr (requires { s.counts; }) {
@@ -236,8 +243,9 @@ struct Lemke {
     // not to the problem. One of the paths begun elsewhere that does not end is left like a ray.
     const bool anew = leaving == Blocking::kNothing || (is_elsewhere && leaving != t.artificial());
     for_each(team, t.n, [&](Index j) {
-      const bool wanted = anew ? !finite_(t.lo[j]) && !finite_(t.hi[j]) : t.is_basic(j);
-      t.ratio[j] = wanted ? 1.0 : 0.0;
+      const bool is_free = !is_near(t.lo[j] * t.unit[j]) && !is_near(t.hi[j] * t.unit[j]) && t.lo[j] < t.hi[j];
+      t.ratio[j] = (anew ? is_free : t.is_basic(j)) ? 1.0 : 0.0;
+      if (anew && is_free) t.side[j] = 0.0;
     });
     single(team, [&] {
       if (anew && !is_broken) t.state[kRaysMet] = rays + 1.0;

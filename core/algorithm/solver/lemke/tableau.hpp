@@ -68,7 +68,7 @@ struct Tableau {
   }
   /// Value of a variable that is not basic.
   [[nodiscard]] STICTION_HD double rest(Index variable) const {
-    if (variable >= n) return 0.0;
+    if (variable >= n || (side[variable] == 0.0 && lo[variable] < hi[variable])) return 0.0;
     const double bound = side[variable] < 0.0 ? hi[variable] : lo[variable];
     return finite_(bound) ? bound : 0.0;
   }
