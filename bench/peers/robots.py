@@ -2,12 +2,12 @@
 """MuJoCo's constraint solvers and stiction on the same recorded robots, one thread, at equal judged residuals.
 
     PYTHONPATH=build/python bench/peers/robots.py [FILE ...] [--data DATA] [--judge tools/check_law.py] [--results DIR]
-                            [--images DIR] [--goals 1e-4,1e-6] [--envs 64] [--seconds 0.4] [--forms matrix,factor,jacobian]
-                            [--name robots]
+                            [--images DIR] [--goals 1e-4,1e-6] [--envs 64] [--repeat] [--seconds 0.4]
+                            [--forms matrix,factor,jacobian] [--name robots]
 
 Files are contact batches with J, M, v_free and row_target as recorded from MuJoCo; without any, the robots of
-DATA/mujoco. mujoco_peer.py says how MuJoCo is made to solve them. The environments of a file are repeated until there are
---envs. MuJoCo: Newton, CG and PGS, one environment after the other, in C. stiction: auto, npgs, subspace and newton, f32 and f64,
+DATA/mujoco. mujoco_peer.py says how MuJoCo is made to solve them. No two environments are the same: of a
+file up to --envs are taken. With --repeat they are repeated until there are so many. MuJoCo: Newton, CG and PGS, one environment after the other, in C. stiction: auto, npgs, subspace and newton, f32 and f64,
 one call for all environments. Three forms say what both sides are given, and so what is timed:
 
     matrix     A. stiction solves; MuJoCo too (mj_fwdConstraint), whose Newton and CG know J and M's factor instead
@@ -56,12 +56,13 @@ COLUMNS = ["robot", "environments", "rows", "dofs", "start", "goal", "form", "so
 
 
 class Robot:
-    """The problems of a file, repeated, and where every solver starts."""
+    """The problems of a file, and where every solver starts. repeat: they are repeated until there are `envs`."""
 
-    def __init__(self, path, envs, judge):
+    def __init__(self, path, envs, judge, repeat=False):
         self.path, self.name, self.judge = path, path.stem, judge
-        self.first = systems.read(path)
-        self.systems = self.first * -(-envs // len(self.first))
+        recorded = systems.read(path)
+        self.recorded, self.first = len(recorded), recorded[:envs]
+        self.systems = self.first * (-(-envs // len(self.first)) if repeat else 1)
         self.copies = len(self.systems) // len(self.first)
         rng = np.random.default_rng(11)
         moved = [s.v_free * (1 + CHANGE * rng.standard_normal(len(s.v_free))) for s in self.first]
@@ -83,7 +84,7 @@ class Robot:
     def error(self, reactions):
         """95th percentile of the residuals of the first copy."""
         reactions = np.asarray(reactions[:len(self.checked.b)], "f8")
-        if self.judge is None:
+        if self.judge is None or len(self.first) < self.recorded:
             found = stiction.verify(self.checked, reactions)[:, 0]
         else:
             with h5py.File(self.path) as batch:
@@ -287,6 +288,7 @@ def main():
     parser.add_argument("--images", type=pathlib.Path, default=pathlib.Path("."))
     parser.add_argument("--goals", type=lambda text: sorted(map(float, text.split(",")), reverse=True), default=[1e-4, 1e-6])
     parser.add_argument("--envs", type=int, default=64)
+    parser.add_argument("--repeat", action="store_true")
     parser.add_argument("--forms", type=lambda text: text.split(","), default=list(FORMS))
     parser.add_argument("--name", default="robots", help="of the files written")
     parser.add_argument("--seconds", type=float, default=0.4, help="processor time of the turns of one start and goal")
@@ -301,7 +303,7 @@ def main():
             sys.exit("no C compiler, no headers of MuJoCo, or no recorded robots: nothing to compare")
         for path in files:
             begin = time.process_time()
-            rows += race(Robot(path, arguments.envs, judge), functions, arguments)
+            rows += race(Robot(path, arguments.envs, judge, arguments.repeat), functions, arguments)
             print(f"{path.stem}: {time.process_time() - begin:.1f} s", file=sys.stderr, flush=True)
     written = [{key: f"{value:.4g}" if isinstance(value, float) else value for key, value in row.items()} for row in rows]
     measure.write_table(arguments.results / f"{arguments.name}.csv", ["bench/peers/robots.py", f"machine: {measure.machine_name()}",

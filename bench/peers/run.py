@@ -58,7 +58,7 @@ def parts(a):
         Part("robots", "against MuJoCo's solvers on recorded robots (C3)", 120,
              [*script("robots.py"), *robots, *judge, *results, *images], ("stiction", "mujoco", "matplotlib"), tuple(robots)),
         Part("robots_1024", "the same with 1024 environments, A given", 200,
-             [*script("robots.py"), *robots, *judge, *results, *images, "--envs", "1024", "--forms", "matrix", "--seconds", "0.8",
+             [*script("robots.py"), *robots, *judge, *results, *images, "--envs", "1024", "--repeat", "--forms", "matrix", "--seconds", "0.8",
               "--name", "robots_1024"], ("stiction", "mujoco", "matplotlib"), tuple(robots)),
         Part("engines", "against Bullet, ODE and DART (C4)", 360,
              [*script("engines.py"), ours, *data, *judge, *results], files=(ours, HERE / "engines.py", a.data), judge=True),
