@@ -25,7 +25,7 @@ typedef struct stiction_derivative stiction_derivative; /**< differentiates batc
 /** The record every environment gets with its derivative. 32 bytes. */
 typedef struct stiction_gradient_status {
   double residual;         /**< of the linear system, relative; the largest of all sets [-] */
-  double forward_residual; /**< natural map of the reactions / max|b| [-] */
+  double forward_residual; /**< largest error of the reactions over the largest island's scale [-] */
   uint32_t flags;          /**< stiction_gradient_flag bits */
   int32_t unknowns;        /**< rows of the linear system */
   int32_t degenerate;      /**< cones between two modes */

@@ -57,9 +57,11 @@ def joint_forces(joint_type: wp.array[int], joint_parent: wp.array[int], joint_X
         d = first + i
         at = joint_q_start[j] + i
         q = wp.float64(joint_q[at])
+        # What a feature that is switched off aims at is not read: it may be anything, and 0 times infinity is NaN.
         spring = wp.float64(stiffness[d])
-        force[d] = force[d] + spring * (wp.float64(rest_q[at]) - q)
-        softness[d] = softness[d] + dt * dt * spring
+        if spring != wp.float64(0.0):
+            force[d] = force[d] + spring * (wp.float64(rest_q[at]) - q)
+            softness[d] = softness[d] + dt * dt * spring
         follows = mode[d]
         k = wp.float64(0.0)
         c = wp.float64(0.0)
@@ -70,7 +72,11 @@ def joint_forces(joint_type: wp.array[int], joint_parent: wp.array[int], joint_X
             c = wp.float64(kd[d])
         if follows == 2 or follows == 3:
             speed = wp.float64(target_qd[d])
-        drive = k * (wp.float64(target_q[at]) - q) + c * speed
+        drive = wp.float64(0.0)
+        if k != wp.float64(0.0):
+            drive = k * (wp.float64(target_q[at]) - q)
+        if c != wp.float64(0.0):
+            drive = drive + c * speed
         felt = drive - c * wp.float64(joint_qd[d])
         most = wp.float64(effort[d])
         if wp.abs(felt) > most:

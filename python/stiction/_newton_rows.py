@@ -158,19 +158,6 @@ class Rows:
     def _over(self, array, dtype):
         return wp.array(array, dtype=dtype, device=self._model.device, copy=False)
 
-    def tolerances(self, tolerance):
-        """Of each world, on the residual divided by max |b|. That maximum may be of a contact far off, whose b is about
-        its gap / dt. So tolerance is taken as a share of the largest b of cones that need a reaction."""
-        env_count = self._structure.env_count
-        cone_env = np.searchsorted(self.offsets, self._cone_row, side="right") - 1
-        largest, needed = np.zeros(env_count), np.zeros(env_count)
-        of_cone = np.fmax.reduceat(np.abs(self.b), self._cone_row) if len(self._cone_row) else np.zeros(0)
-        needs = (self.b[self._cone_row] < 0) | (self.kinds == _CONE[_DRY])
-        np.fmax.at(largest, cone_env, of_cone)
-        np.fmax.at(needed, cone_env[needs], of_cone[needs])
-        share = np.where((needed > 0) & (largest > 0), needed / np.where(largest > 0, largest, 1), 1)
-        return np.maximum(tolerance * share, _LEAST_TOLERANCE)
-
     # -- warm starts --------------------------------------------------------------------------------------------------
 
     def guess(self, share, dt):

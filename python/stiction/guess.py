@@ -26,7 +26,7 @@ __all__ = ["Dense", "Guess", "Ridge", "Step"]
 #: Candidates that need nothing but the step before.
 NAMES = ("zero", "last", "active_set")
 #: Codes of environments whose reactions are remembered.
-_KEPT = [CODES.index(code) for code in ("solved", "max_iterations", "stalled")]
+_KEPT = [CODES.index(code) for code in ("solved", "max_iterations", "stalled", "rounding", "infeasible")]
 #: Compliance that redundant contacts get in the active-set prediction, over the mean diagonal of A.
 _YIELD = 1e-8
 

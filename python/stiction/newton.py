@@ -26,6 +26,7 @@ from ._solver import Solver
 __all__ = ["SolverStiction"]
 
 _UNUSABLE = [CODES.index(name) for name in ("invalid_input", "numerical", "unsupported")]
+_SOLVED, _NUMERICAL = CODES.index("solved"), CODES.index("numerical")
 
 
 class SolverStiction(newton.solvers.SolverBase):
@@ -107,8 +108,7 @@ class SolverStiction(newton.solvers.SolverBase):
         self.batch = Batch.from_jacobian(
             rows.values, self._factor.numpy(), self._v_free.numpy(), rows.target, kinds=rows.kinds, dims=rows.dims,
             offsets=rows.offsets, dof_offsets=structure.env_dofs, indptr=rows.indptr, indices=rows.columns,
-            mass_block=structure.mass_block, mass_form="factor", mu=rows.mu, lo=rows.lo, hi=rows.hi, law=self.law,
-            env_tolerance=rows.tolerances(self.solver.tolerance))
+            mass_block=structure.mass_block, mass_form="factor", mu=rows.mu, lo=rows.lo, hi=rows.hi, law=self.law)
         guess = rows.guess(self._share, dt) if self._share > 0 else None
         self.solution = self.solver.solve(self.batch, warm_start=guess)
         rows.keep(self.solution.lambda_, dt)
@@ -194,6 +194,10 @@ class SolverStiction(newton.solvers.SolverBase):
             model.body_com, self._joint_env, wp.array(held.astype(np.uint8), device=model.device), state_in.joint_q,
             wp.array(velocity, dtype=wp.float64, device=model.device, copy=False), dt, *self._good],
             [state_out.joint_q, state_out.joint_qd], device=model.device)
+        for new, env in ((state_out.joint_q, structure.coordinate_env), (state_out.joint_qd, structure.dof_env)):
+            self._failed[env[~np.isfinite(new.numpy())]] = True
+        code = self.solution.status["code"]  # a world without rows is solved, whatever its numbers
+        code[self._failed & (code == _SOLVED)] = _NUMERICAL
         newton.eval_fk(model, state_out.joint_q, state_out.joint_qd, state_out)
         if self.hold_failed:
             for good, new, env in zip(self._good, (state_out.joint_q, state_out.joint_qd),

@@ -248,3 +248,35 @@ def test_forces_of_control_and_state_act_in_newtons_frames():
     run.step(1, 0.01)
     v = run.state.body_qd.numpy()[0]
     np.testing.assert_allclose(v, [0.005, 0.015, 0, 0, 0.01, 0.005], atol=1e-6)
+
+
+def one_sided(lower, upper, stiffness=0.0):
+    """A slider of 1 kg with such limits, a spring or none, and what Newton's builder leaves in the targets."""
+    builder = newton.ModelBuilder(gravity=(0, 0, 0))
+    body = builder.add_link(mass=1.0, inertia=wp.mat33(np.eye(3)))
+    joint = builder.add_joint_prismatic(-1, body, axis=(1, 0, 0), limit_lower=lower, limit_upper=upper)
+    builder.add_articulation([joint])
+    return builder.finalize(device="cpu")
+
+
+@pytest.mark.parametrize("lower, upper", [(None, 0.5), (-0.5, None), (0.5, np.inf), (-np.inf, -0.5)])
+@pytest.mark.parametrize("solver", ["auto", "npgs"])
+def test_the_targets_of_drives_that_are_off_are_not_read(lower, upper, solver):
+    model = one_sided(lower, upper)
+    model.joint_target_q.fill_(np.inf)
+    run = Run(model, solver=solver)
+    run.control.joint_target_q.fill_(np.inf)
+    run.control.joint_target_qd.fill_(np.nan)
+    run.state.joint_qd.fill_(2.0)
+    run.step(50, 0.01)
+    assert np.isfinite(run.state.joint_q.numpy()).all() and np.isfinite(run.state.joint_qd.numpy()).all()
+    assert (run.solver.status["code"] == 0).all()
+
+
+def test_a_world_that_is_not_finite_is_not_solved():
+    model = one_sided(None, None)
+    run = Run(model)
+    run.state.joint_qd.fill_(np.nan)
+    run.step(1, 0.01)
+    assert run.solver.failed.tolist() == [0]
+    assert (run.solver.status["code"] != 0).all()
