@@ -41,8 +41,8 @@ template <class Real>
 struct VelocityJob {
   JacobianBatchView<Real> batch;
   Law law = Law::convex;
-  double tolerance = 0.0;    ///< on the relative residual, where the batch has none of the environment's own [-]
-  Index max_iterations = 0;  ///< the same
+  double tolerance = 0.0;           ///< on the relative residual, where the batch has none of the environment's own [-]
+  Index max_iterations = 0;         ///< the same
   double absolute_tolerance = 0.0;  ///< on the absolute residual; solved is where either holds [w]
   const Real* warm_start = nullptr;     ///< reactions to start from, or null          (row_count)
   const Real* warm_velocity = nullptr;  ///< velocities to start from, or null; with neither, from v_free (dof_count)

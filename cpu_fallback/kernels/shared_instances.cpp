@@ -6,8 +6,10 @@ namespace stiction::inline STICTION_ISA {
 
 // Packs load their lanes themselves.
 #if defined(STICTION_PACKS_ALONE)
-template FinalResidual final_residual<false>(SerialTeam&, const EnvView<float>&, const StoredRows<float>&, const IslandShares<float>&, const ErrorScale&);
-template FinalResidual final_residual<false>(SerialTeam&, const EnvView<double>&, const StoredRows<double>&, const IslandShares<double>&, const ErrorScale&);
+template FinalResidual final_residual<false>(SerialTeam&, const EnvView<float>&, const StoredRows<float>&,
+                                             const IslandShares<float>&, const ErrorScale&);
+template FinalResidual final_residual<false>(SerialTeam&, const EnvView<double>&, const StoredRows<double>&,
+                                             const IslandShares<double>&, const ErrorScale&);
 #else
 STICTION_SHARED_BODIES(, SerialTeam)
 #endif

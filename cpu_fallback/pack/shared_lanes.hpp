@@ -12,15 +12,13 @@
   kind template void evaluate_lanes<kLaw>(const PackSystem<Real>&, const PackRoom<Real>&, const EnvView<Real>* const*, \
                                           const int*, int, FinalResidual*);
 
-#define STICTION_SHARED_LANES(kind, Real)                                                                        \
-  kind template void load_lanes_of(const PackSystem<Real>&, const DenseSystem<Real, kPackWidth<Real>>*,          \
-                                   const PackRoom<Real>&, LoadRules, PendingLoad<Real>*, int);                   \
-  kind template void finish_lanes(PackSystem<Real>&, const PackRoom<Real>&, Mask<Pack<Real, kPackWidth<Real>>>,  \
-                                  Law);                                                                          \
-  kind template void start_lanes(PackSystem<Real>&, const PackRoom<Real>&,                                       \
-                                 const DenseSystem<Real, kPackWidth<Real>>*, const EnvView<Real>* const*,        \
-                                 const int*, int, Mask<Pack<Real, kPackWidth<Real>>>);                           \
-  STICTION_SHARED_LANES_OF_LAW(kind, Real, Law::convex)                                                          \
+#define STICTION_SHARED_LANES(kind, Real)                                                                              \
+  kind template void load_lanes_of(const PackSystem<Real>&, const DenseSystem<Real, kPackWidth<Real>>*,                \
+                                   const PackRoom<Real>&, LoadRules, PendingLoad<Real>*, int);                         \
+  kind template void finish_lanes(PackSystem<Real>&, const PackRoom<Real>&, Mask<Pack<Real, kPackWidth<Real>>>, Law);  \
+  kind template void start_lanes(PackSystem<Real>&, const PackRoom<Real>&, const DenseSystem<Real, kPackWidth<Real>>*, \
+                                 const EnvView<Real>* const*, const int*, int, Mask<Pack<Real, kPackWidth<Real>>>);    \
+  STICTION_SHARED_LANES_OF_LAW(kind, Real, Law::convex)                                                                \
   STICTION_SHARED_LANES_OF_LAW(kind, Real, Law::coulomb)
 
 namespace stiction::inline STICTION_ISA {

@@ -209,12 +209,18 @@ void Engine::queue_solve(const SolveRequest<Real>& request, bool is_planned) {
 
   const SolverOptions& options = request.options;
   const bool is_ladder = options.solver == SolverKind::automatic;
-  const SolveJob<Real> job{request.batch,        plan_.view(),
-                           request.warm_start,   request.solution.lambda,
-                           request.solution.w,   request.solution.status,
-                           options.tolerance,    options.max_iterations,
-                           options.stall_window, static_cast<Real>(options.omega),
-                           request.law,          -1,
+  const SolveJob<Real> job{request.batch,
+                           plan_.view(),
+                           request.warm_start,
+                           request.solution.lambda,
+                           request.solution.w,
+                           request.solution.status,
+                           options.tolerance,
+                           options.max_iterations,
+                           options.stall_window,
+                           static_cast<Real>(options.omega),
+                           request.law,
+                           -1,
                            options.absolute_tolerance};
   if (is_ladder)
     queue_fallbacks(request, job);

@@ -77,9 +77,9 @@ class NewtonOfEnv {
     SpaceEnd end = kSpaceMet;
     if (!is_refused_) {
       const RankMeter meter(transport_);
-      progress_.scale = error_scale(options_.law == Law::convex
-                                        ? largest_error_at_rest<Law::convex>(env_, params_, 0.0)
-                                        : largest_error_at_rest<Law::coulomb>(env_, params_, 0.0));
+      progress_.scale =
+          error_scale(options_.law == Law::convex ? largest_error_at_rest<Law::convex>(env_, params_, 0.0)
+                                                  : largest_error_at_rest<Law::coulomb>(env_, params_, 0.0));
       progress_.scale.unit = 1.0;
       progress_.tolerance = options_.tolerance;
       end = iterate();
@@ -201,7 +201,7 @@ class NewtonOfEnv {
       }
     const LargestResidual<double> own = largest;
     for (const LargestResidual<double>& one : gather(transport_, own)) largest.add(one);
-    const double residual = sqrt_(largest.square);
+    const double residual = final_residual_of(largest, progress_.scale).residual;
     if (!progress_.has_best || residual < progress_.best) {
       progress_.best = residual;
       progress_.has_best = true;

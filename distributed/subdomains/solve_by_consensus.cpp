@@ -219,9 +219,9 @@ class ConsensusOfEnv {
       return number;
     };
     Assessment made;
-    double largest = 0;
+    LargestResidual<double> largest;
     for (int rank = 0; rank < transport_.size(); ++rank) {
-      largest = max_(all(rank, width - 2), largest);
+      largest.square = max_(all(rank, width - 2), largest.square);
       made.sweeps = std::max(made.sweeps, static_cast<Index>(all(rank, width - 4)));
       made.has_moved = made.has_moved || all(rank, width - 3) != 0;
       made.is_broken = made.is_broken || all(rank, width - 1) != 0 || !finite_(all(rank, width - 2));
@@ -230,7 +230,7 @@ class ConsensusOfEnv {
       const int rank = parts_.rank_of(subdomain, transport_.size());
       add_gap(made.gap, {all(rank, 2 * at(subdomain)), all(rank, 2 * at(subdomain) + 1)});
     }
-    made.residual = sqrt_(largest);
+    made.residual = final_residual_of(largest, ErrorScale{}).residual;
     return made;
   }
 

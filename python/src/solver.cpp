@@ -188,8 +188,8 @@ void bind_solver(nb::module_& module) {
           },
           nb::arg("solver"), nb::arg("law").none(), nb::arg("tolerance"), nb::arg("max_iterations"),
           nb::arg("stall_window"), nb::arg("omega"), nb::arg("threads"), nb::arg("isolate"), nb::arg("islands"),
-          nb::arg("direct_rows"), nb::arg("tracer").none(),
-          nb::arg("absolute_tolerance") = 0.0, nb::keep_alive<1, 12>());
+          nb::arg("direct_rows"), nb::arg("tracer").none(), nb::arg("absolute_tolerance") = 0.0,
+          nb::keep_alive<1, 12>());
   nb::class_<FormSolver>(module, "FormSolver", "Solvers of one device and one set of options, for every form.")
       .def(
           "__init__",

@@ -67,9 +67,9 @@ TYPED_TEST(IslandSplit, EveryIslandHasTheBitsItHasAsAnEnvironment) {
         EXPECT_TRUE(same_bits(std::span<const Real>(alone.lambda), std::span<const Real>(lambda)));
         EXPECT_TRUE(same_bits(std::span<const Real>(alone.w), std::span<const Real>(w)));
         for (std::size_t m = 0; m < family.env.size(); ++m) {
-          const EnvStatus record = expected_record(
-              std::span<const EnvStatus>(alone.status)
-                  .subspan(at(family.first_system[m]), family.merged[m].rows.size()));
+          const EnvStatus record =
+              expected_record(std::span<const EnvStatus>(alone.status)
+                                  .subspan(at(family.first_system[m]), family.merged[m].rows.size()));
           EXPECT_TRUE(same_bits(std::span(&record, 1), std::span(&split.status[at(family.env[m])], 1))) << m;
         }
         const auto together = solve(family.whole, o, Device::cpu(), warm ? start : std::span<const Real>());

@@ -12,10 +12,9 @@ namespace stiction::test {
 /// How far apart the motions of two approximate solutions of one convex system can be.
 ///
 /// Let A + R be symmetric positive semidefinite, and let (lambda, w) and (lambda', w') have errors e and e'
-/// (docs/math/residual.md): pairs that obey the law are no further away than that, a row's reaction by p_k and its
-/// motion by q_k in the rows' own units. Pairs that obey a convex law are monotone. With d = lambda - lambda' and
-/// g = w - w' so (g - q)'(d - p) <= 0, and norm(g)^2 <= L g'd, L a bound on the largest eigenvalue. norm(g) is at most the
-/// larger root of
+/// (docs/math/residual.md). Pairs that obey the law are no further away: a row's reaction by p_k, its motion by q_k.
+/// Pairs that obey a convex law are monotone. Let d = lambda - lambda' and g = w - w'. So (g - q)'(d - p) <= 0, and
+/// norm(g)^2 <= L g'd, L a bound on the largest eigenvalue. norm(g) is at most the larger root of
 ///
 ///     g^2 = L (g norm(p) + norm(q) norm(d) + norm(p) norm(q)).
 ///

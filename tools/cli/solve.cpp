@@ -13,10 +13,10 @@
 #include "stiction/preset.hpp"
 #include "stiction/pyramid.hpp"
 #include "stiction/recorder.hpp"
-#include "stiction/residual.hpp"
 #include "stiction/solver.hpp"
 #include "stiction/trace.hpp"
 #include "tools/cli/body_method.hpp"
+#include "tools/cli/claims.hpp"
 #include "tools/cli/commands.hpp"
 #include "tools/cli/convergence.hpp"
 #include "tools/cli/gpu_meter.hpp"
@@ -185,23 +185,6 @@ Solution<Real> to_cones(const PyramidBatch<double>& pyramids, const ContactBatch
   const auto back = reactions(pyramids, file_batch, std::span<const double>(f));
   return {convert_values<Real>(back.lambda), convert_values<Real>(back.w), solution.status};
 }
-
-/// What is claimed is claimed of the file's numbers: `solved` in single precision becomes `rounding` where the reactions
-/// are not within the tolerance there, as the solver was given rounded ones.
-void judge_by_file(const ContactBatch<double>& file_batch, const SolverOptions& options, Solution<float>& solution) {
-  const std::vector<double> lambda = convert_values<double>(solution.lambda);
-  const std::vector<Residual> judged = verify(file_batch.view(), std::span<const double>(lambda));
-  for (std::size_t env = 0; env < judged.size(); ++env) {
-    EnvStatus& status = solution.status[env];
-    if (status.code != EnvCode::solved || judged[env].relative <= options.tolerance ||
-        judged[env].absolute <= options.absolute_tolerance)
-      continue;
-    status.code = EnvCode::rounding;
-    status.residual = judged[env].relative;
-    status.residual_absolute = judged[env].absolute;
-  }
-}
-void judge_by_file(const ContactBatch<double>&, const SolverOptions&, Solution<double>&) {}
 
 io::SolutionFile solution_file(const SolveReport& report, std::vector<double> lambda, std::vector<double> w,
                                std::vector<EnvStatus> status, const std::vector<Offset>& env_row_offsets) {

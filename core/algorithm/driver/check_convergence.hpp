@@ -96,7 +96,7 @@ STICTION_HD bool exceeds(double a, double b) {
   return a > b;
 }
 
-/// Whether the best iterate may be an answer: its estimate is within the tolerance, or roundings of its reactions are
+/// Whether the best iterate may be an answer. Its estimate is within the tolerance, or roundings of its reactions are
 /// more than that and all that is left.
 template <class Real, class System, class Tolerance>
 STICTION_HD Mask<Real> is_proposed(const System& s, const Limits<Tolerance, Counts<Real>>& rule, Real best) {
@@ -135,15 +135,14 @@ STICTION_HD bool is_collapsed(double relative) {
 /// True when the environment is finished with an answer of that verdict, and then its status is written. `best`: the
 /// estimate of the candidate.
 template <class Method, Team TeamT, class Real>
-STICTION_HD bool finalize(TeamT& team, const EnvView<Real>& env, const EnvPoll& poll, Real best,
-                          const Verdict& verdict, EnvProgress<Real>& progress) {
+STICTION_HD bool finalize(TeamT& team, const EnvView<Real>& env, const EnvPoll& poll, Real best, const Verdict& verdict,
+                          EnvProgress<Real>& progress) {
   progress.verified = best;
   if (!verdict.is_final() && !poll.ended) return false;
   const EnvCode code = verdict.code(poll.broken                    ? EnvCode::numerical
                                     : poll.stalled || poll.stopped ? EnvCode::stalled
                                                                    : EnvCode::max_iterations);
-  write_status(team, env, code, Method::kKind, progress.flags, progress.iterations, verdict.relative,
-               verdict.absolute);
+  write_status(team, env, code, Method::kKind, progress.flags, progress.iterations, verdict.relative, verdict.absolute);
   return true;
 }
 
@@ -163,9 +162,8 @@ STICTION_HD_OUTLINE bool evaluate_candidate(TeamT& team, const EnvView<Real>& en
   const ErrorScale scale = error_scale_of(s);
   constexpr bool kMatrices = kTakesSemidefinite<Method> && kMayHaveSemidefinite<System>;
   const auto evaluate = [&] {
-    return judge<Real>(
-        final_residual<kMatrices>(team, env, residual_rows(team, env, s), island_shares(s), scale), scale.largest,
-        allowance(rule));
+    return judge<Real>(final_residual<kMatrices>(team, env, residual_rows(team, env, s), island_shares(s), scale),
+                       scale.largest, allowance(rule));
   };
   Verdict verdict = evaluate();
   if (poll.ended && is_collapsed(verdict.relative)) {

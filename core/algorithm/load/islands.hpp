@@ -9,8 +9,8 @@
 #include "core/algorithm/system/sparse_system.hpp"
 
 /// Islands of an environment as its errors see them (docs/math/residual.md): cones that A couples, through others or
-/// not. An island's error scale is the largest of its cones' own. It spreads from cone to cone until nothing changes, so
-/// no list of islands is made.
+/// not. An island's error scale is the largest of its cones' own. It spreads from cone to cone until nothing changes,
+/// so no list of islands is made.
 namespace stiction::inline STICTION_ISA {
 
 /// Whether a block of A has an entry.
@@ -44,7 +44,8 @@ STICTION_HD bool spread_scales(const DenseSystem<Real, kStride>& s, Real most, C
       found = most;
     } else {
       for_each_own(s, [&](Index other, Index column, Index columns) {
-        if (s.island[other] > found && (couples(s, row, rows, column, columns) || couples(s, column, columns, row, rows)))
+        if (s.island[other] > found &&
+            (couples(s, row, rows, column, columns) || couples(s, column, columns, row, rows)))
           found = s.island[other];
         return found != most;
       });
@@ -116,7 +117,7 @@ STICTION_HD_OUTLINE void spread_along_entries(const EnvView<Real>& env, const Sc
   }
 }
 
-/// The same along the columns of its factor. `reach`: scratch                       (dofs)
+/// Spreads scales along the columns of its factor. `reach`: scratch                       (dofs)
 template <class Real, class Scales>
 STICTION_HD_OUTLINE void spread_along_factor(const EnvView<Real>& env, const Scales& scale, double* reach) {
   const auto visit = [&](Index cone, auto&& f) {

@@ -72,7 +72,8 @@ STICTION_HD void start_scalars(System& s, const Inspection<Real>& seen) {
 template <Team TeamT, class Real, class System>
 STICTION_HD_SHARED std::uint32_t load_system(TeamT& team, const EnvView<Real>& env, System& s, LoadRules rules) {
   for_each(team, s.cones, [&](Index c) {
-    s.residual_weight[c] = s.press[c] = s.island[c] = s.shares[c] = s.inv_n[c] = s.inv_t[c] = s.inv_cone[c] = s.damping[c] = s.share[c] = s.lo[c] = s.hi[c] = 0;
+    s.residual_weight[c] = s.press[c] = s.island[c] = s.shares[c] = s.inv_n[c] = s.inv_t[c] = s.inv_cone[c] =
+        s.damping[c] = s.share[c] = s.lo[c] = s.hi[c] = 0;
   });
   const Inspection<Real> seen = inspect(team, env, s);
   std::uint32_t flags = rules.takes_any_diagonal ? seen.flags & ~kFlagBadDiagonal : seen.flags;
@@ -101,8 +102,7 @@ STICTION_HD_SHARED std::uint32_t load_system(TeamT& team, const EnvView<Real>& e
         for (Index k = 0; k < size; ++k) s.x[slot.row + k] = env.warm_start[first + k] * scales.x;
     }
   });
-  weigh_islands(team, env, s,
-                [&](Index cone, ConeSlot) { return seen.holds_rows && held_rows(env, cone) != 0; });
+  weigh_islands(team, env, s, [&](Index cone, ConeSlot) { return seen.holds_rows && held_rows(env, cone) != 0; });
   if (rules.needs_symmetry && asymmetry(team, s) > Real(kLargestAsymmetry)) return flags | kFlagAsymmetric;
   return flags;
 }

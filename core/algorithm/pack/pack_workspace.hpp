@@ -25,14 +25,14 @@ struct PackWorkspace {
   static constexpr Index kFour = 4;
 
   // Of each lane's environment, as long as it is there.
-  Index* batch_row;  ///< the environment's row in each of a lane's, -1: none    (W; n)
-  Lanes* scale;      ///< what that row is multiplied by, 0: there is none       (n)
-  Lanes* lo;         ///< bounds of box cones in the batch's units               (cones)
-  Lanes* hi;         ///<                                                        (cones)
-  Lanes* share;       ///< of each cone's island, as in SystemArrays::shares      (cones)
-  double* press;      ///< ConeMetric, in double: a of each cone                  (cones; W)
-  double* axis_press; ///< and its weights of rows                                (n; W)
-  double* axis_slip;  ///<                                                        (n; W)
+  Index* batch_row;    ///< the environment's row in each of a lane's, -1: none    (W; n)
+  Lanes* scale;        ///< what that row is multiplied by, 0: there is none       (n)
+  Lanes* lo;           ///< bounds of box cones in the batch's units               (cones)
+  Lanes* hi;           ///<                                                        (cones)
+  Lanes* share;        ///< of each cone's island, as in SystemArrays::shares      (cones)
+  double* press;       ///< ConeMetric, in double: a of each cone                  (cones; W)
+  double* axis_press;  ///< and its weights of rows                                (n; W)
+  double* axis_slip;   ///<                                                        (n; W)
   // While environments enter.
   Lanes* compliance;  ///< R in the batch's units                                (n)
   Lanes* entry;       ///< diagonal of A there, 0 where a row has a column twice (n)

@@ -9,9 +9,9 @@ namespace stiction::inline STICTION_ISA {
 /// When to stop.
 template <class Tolerance, class Iterations>
 struct Limits {
-  Tolerance tolerance;        ///< on the relative residual [-]
-  Iterations max_iterations;  ///< at most
-  Iterations stall_window;    ///< iterations without a better residual before giving up; 0: never
+  Tolerance tolerance;                ///< on the relative residual [-]
+  Iterations max_iterations;          ///< at most
+  Iterations stall_window;            ///< iterations without a better residual before giving up; 0: never
   Tolerance absolute = Tolerance(0);  ///< on the absolute residual, where that is larger [w]
 };
 /// One environment.

@@ -112,9 +112,10 @@ STICTION_HD ErrorScale error_scale(double largest) {
 
 /// What a judge sees of an answer.
 struct FinalResidual {
-  double residual = 0.0;  ///< largest error of contacts that can move, each over its island's share of the largest scale [w]
-  double stuck = 0.0;     ///< that of those that cannot: no reaction helps them [w]
-  double absolute = 0.0;  ///< largest error of a contact [w]
+  double residual =
+      0.0;  ///< largest error of contacts that can move, each over its island's share of the largest scale [w]
+  double stuck = 0.0;           ///< that of those that cannot: no reaction helps them [w]
+  double absolute = 0.0;        ///< largest error of a contact [w]
   double rounding_floor = 0.0;  ///< what roundings hide of the first: of the largest number in a difference [w]
   double reaction = 0.0;        ///< the largest reaction as the motion that it causes alone, in the same shares [w]
 };
@@ -128,8 +129,8 @@ struct LargestResidual {
   Real size{0};
   Real reaction{0};
 
-  /// Adds a cone's, of (x, y) in coordinates of the unit cone. `share`: the largest island's scale over that of its own,
-  /// negative of a cone that cannot move.
+  /// Adds a cone's, of (x, y) in coordinates of the unit cone. `share`: the largest island's scale over that of its
+  /// own, negative of a cone that cannot move.
   template <Law kLaw, class Shape, int M>
   STICTION_HD void add(Shape shape, Real (&x)[M], Real (&y)[M], const ConeMetric<Real, M>& metric, Real lo, Real hi,
                        Real share, Real unit) {
@@ -199,8 +200,8 @@ struct LargestResidual {
 /// What is seen of one environment, from its largest squares.
 STICTION_HD FinalResidual final_residual_of(const LargestResidual<double>& largest, const ErrorScale& scale) {
   return {div_(sqrt_(largest.square), scale.unit), div_(sqrt_(largest.stuck), scale.unit),
-          div_(sqrt_(largest.plain), scale.unit),
-          div_(0x1p-53 * sqrt_(largest.size), scale.unit), div_(sqrt_(largest.reaction), scale.unit)};
+          div_(sqrt_(largest.plain), scale.unit), div_(0x1p-53 * sqrt_(largest.size), scale.unit),
+          div_(sqrt_(largest.reaction), scale.unit)};
 }
 /// Over a team's lanes.
 template <Team TeamT>
@@ -230,7 +231,7 @@ struct Verdict {
   [[nodiscard]] STICTION_HD bool is_final() const { return is_solved || is_rounding || is_infeasible; }
   /// How the environment ended, `otherwise` where none of these is so.
   [[nodiscard]] STICTION_HD EnvCode code(EnvCode otherwise) const {
-    return is_solved ? EnvCode::solved
+    return is_solved       ? EnvCode::solved
            : is_infeasible ? EnvCode::infeasible
            : is_rounding   ? EnvCode::rounding
                            : otherwise;
@@ -256,8 +257,8 @@ STICTION_HD Verdict judge(const FinalResidual& found, double scale, const Allowa
                       (verdict.absolute <= allowed.absolute && finite_(verdict.absolute));
   verdict.is_infeasible = !verdict.is_solved && found.stuck > movable && div_(movable, scale) <= allowed.tolerance;
   const double rounding = kUnitRoundoff<Real> * found.reaction;
-  verdict.is_rounding = !verdict.is_solved && most > 0.0 && finite_(verdict.relative) &&
-                        found.stuck <= movable && (is_hidden || (rounding > most && found.residual <= kRoundingReach * rounding));
+  verdict.is_rounding = !verdict.is_solved && most > 0.0 && finite_(verdict.relative) && found.stuck <= movable &&
+                        (is_hidden || (rounding > most && found.residual <= kRoundingReach * rounding));
   return verdict;
 }
 
@@ -296,7 +297,8 @@ template <class Real>
 STICTION_HD ConeBounds cone_bounds(const EnvView<Real>& env, Index cone) {
   const ConeKind kind = env.kind[cone];
   const Index first = env.cone_row(cone);
-  if (kind == ConeKind::box) return {static_cast<double>(lower_bound(env, first)), static_cast<double>(upper_bound(env, first))};
+  if (kind == ConeKind::box)
+    return {static_cast<double>(lower_bound(env, first)), static_cast<double>(upper_bound(env, first))};
   return {kind == ConeKind::box_friction ? -1.0 : 0.0, 0.0};
 }
 

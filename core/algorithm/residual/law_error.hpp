@@ -3,12 +3,12 @@
 #include "core/algorithm/problem/cone_shape.hpp"
 #include "core/algorithm/sweep/semidefinite_projection.hpp"
 
-/// The error of a contact: by how much its reaction and its motion must be changed until they obey its law, in units of
-/// its normal motion (docs/math/residual.md).
+/// The error of a contact, in units of its normal motion (docs/math/residual.md). By so much its reaction and its motion
+/// must be changed until they obey its law.
 namespace stiction::inline STICTION_ISA {
 
-/// What the error of a cone takes of the diagonal d of A + R, in coordinates in which its friction cone is the unit
-/// cone: x_k = lambda_k / mu_k, y_k = mu_k w_k. A reaction counts as the motion that it causes alone.
+/// A cone's part of the diagonal d of A + R, in coordinates in which its friction cone is the unit cone. These are
+/// x_k = lambda_k / mu_k and y_k = mu_k w_k. A reaction counts as the motion that it causes alone.
 template <class Real, int M>
 struct ConeMetric {
   Real a;         ///< d_n [w / lambda]
@@ -30,7 +30,7 @@ STICTION_HD AxisWeights<Real> axis_weights(Real d_n, Real d, Real mu) {
   return {select(moves, press, Real(0)), select(counts, div_(Real(1), select(counts, press, Real(1))), Real(0))};
 }
 
-/// The same from the row's diagonal entry in the coordinates of the unit cone, mu^2 d.
+/// axis_weights() from the row's diagonal entry in the coordinates of the unit cone, mu^2 d.
 template <class Real>
 STICTION_HD AxisWeights<Real> unit_axis_weights(Real d_n, Real unit_d, Real mu) {
   const auto moves = and_(d_n > Real(0), unit_d > Real(0));
@@ -71,13 +71,12 @@ STICTION_HD Real box_friction_error_square(const Real (&x)[M], const Real (&y)[M
   const Real radius = max_(normal, Real(0));
   Real sum = box_error_square(normal, y[0], Real(0), Real(__builtin_huge_valf()), Real(1), Real(1));
   for (int k = 1; k < M; ++k)
-    sum = sum +
-          box_error_square(metric.a * x[k], y[k], Real(0) - radius, radius, metric.press[k], metric.slip[k]);
+    sum = sum + box_error_square(metric.a * x[k], y[k], Real(0) - radius, radius, metric.press[k], metric.slip[k]);
   return sum;
 }
 
-/// The distance from what slides along `d`, a unit vector in the coordinates of the unit cone: a reaction
-/// l (1, -d) with l >= 0, and a motion c (g, d) with c >= 0, g = 0 under Coulomb's law and 1 under the convex one.
+/// The square of the distance from pairs that slide along `d`, a unit vector in the coordinates of the unit cone. Their
+/// reaction is l (1, -d) and their motion c (g, d), with l and c >= 0. g is 0 under Coulomb's law, 1 under the convex one.
 template <Law kLaw, class Real, int M>
 STICTION_HD Real sliding_error_square(const Real (&x)[M], const Real (&y)[M], const Real (&d)[M],
                                       const ConeMetric<Real, M>& metric) {
@@ -111,8 +110,7 @@ STICTION_HD Real sliding_error_square(const Real (&x)[M], const Real (&y)[M], co
 /// The distance of a contact with friction from the nearest member of its law's graph: open, sticking, sliding along
 /// its motion, sliding against its reaction.
 template <Law kLaw, class Real, int M>
-STICTION_HD Real friction_error_square(const Real (&x_unit)[M], const Real (&y)[M],
-                                       const ConeMetric<Real, M>& metric) {
+STICTION_HD Real friction_error_square(const Real (&x_unit)[M], const Real (&y)[M], const ConeMetric<Real, M>& metric) {
   constexpr auto kNone = __builtin_huge_valf();
   Real x[M];
   for (int k = 0; k < M; ++k) x[k] = metric.a * x_unit[k];
@@ -152,8 +150,8 @@ STICTION_HD Real infinite_unless_finite(Real square, const Real (&x)[M], const R
   return select(finite_(input), square, Real(__builtin_huge_valf()));
 }
 
-/// The square of a cone's error [w^2]. x and y are in the coordinates of the unit cone, bounds in units of x. A friction
-/// cone with lo < 0 has boxed friction.
+/// The square of a cone's error [w^2]. x and y are in the coordinates of the unit cone, bounds in units of x. A
+/// friction cone with lo < 0 has boxed friction.
 template <Law kLaw, class Shape, class Real, int M>
 STICTION_HD Real law_error_square(Shape, const Real (&x)[M], const Real (&y)[M], const ConeMetric<Real, M>& metric,
                                   Real lo, Real hi) {
@@ -187,8 +185,8 @@ STICTION_HD Real semidefinite_error_square(const Real (&x)[M], const Real (&y)[M
   return infinite_unless_finite(Real(2) * sum, x, y);
 }
 
-/// An island's error scale is the largest error that one of its cones has without reactions, and at least this share of
-/// its largest |b|: an island whose contacts need nothing has one, too.
+/// An island's error scale is the largest error that one of its cones has without reactions. It is at least this share
+/// of its largest |b|, so that an island whose contacts need nothing has one, too.
 inline constexpr float kIdleShare = 1e-4F;
 /// The share of an island whose scale is zero: its cones need nothing, and whatever they have is an error.
 inline constexpr float kIdleIsland = 0x1p60F;

@@ -187,7 +187,7 @@ STICTION_HD void evaluate_subdomain(const BodyEnv<Real>& env, const SiParams& pa
 }
 
 /// The largest error that a contact of an environment has without reactions, or `largest` [w]. Parts of an environment
-/// do not know its islands: they search as if it were one, and what they find is judged where all of it is known.
+/// do not know its islands. They search as if it were one, and the answer is judged where all of it is known.
 template <Law kLaw, class Real>
 STICTION_HD double largest_error_at_rest(const BodyEnv<Real>& env, const SiParams& params, double largest) {
   const auto free = [&](Index side) {
@@ -211,8 +211,8 @@ STICTION_HD double largest_error_at_rest(const BodyEnv<Real>& env, const SiParam
     add_body(block, exact_mass(env, contact.side_b), contact.arm_b, contact.frame);
     const double r = div_(params.cfm, params.step), a = max_(block.nn + r, 0.0);
     const double mu = static_cast<double>(env.mu[contact.contact]);
-    const auto metric = contact_metric(a, axis_weights(a, block.t11 + r, mu).press,
-                                       axis_weights(a, block.t22 + r, mu).press);
+    const auto metric =
+        contact_metric(a, axis_weights(a, block.t11 + r, mu).press, axis_weights(a, block.t22 + r, mu).press);
     largest = max_(error_at_rest<kLaw>(b, mu, metric, 1.0), largest);
   }
   return largest;

@@ -63,8 +63,7 @@ STICTION_HD void evaluate_contact(const ExactGeometry<T>& contact, TwistOf&& twi
   const T a = max_(block.nn + r, T(0));
   const auto first = axis_weights(a, block.t11 + r, mu), second = axis_weights(a, block.t22 + r, mu);
   const ConeMetric<T, 3> metric{a, {T(1), first.press, second.press}, {T(1), first.slip, second.slip}};
-  evaluated.template add<kLaw>(ContactShape{}, reaction, y, metric, T(kLowerBound<Scalar<T>, kLaw>), T(0), share,
-                               unit);
+  evaluated.template add<kLaw>(ContactShape{}, reaction, y, metric, T(kLowerBound<Scalar<T>, kLaw>), T(0), share, unit);
 }
 
 /// Writes s.exact and, if it is an answer, env.w; judges the iterate `x`.
@@ -85,8 +84,8 @@ STICTION_HD_OUTLINE FinalResidual residual_of(TeamT& team, const BodyEnv<Real>& 
     evaluate_contact<kLaw, double>(
         contact, [&](int k) { return twist_at<double>(s.exact_row(slot_of(side(k)))); },
         [&](int k) { return exact_mass(env, side(k)); }, [&] { return bias_of(env, s, params, p, contact); },
-        static_cast<double>(env.mu[contact.contact]), r, lambda, motion, static_cast<double>(s.field.at(kFieldShare, p)),
-        scale.unit, evaluated);
+        static_cast<double>(env.mu[contact.contact]), r, lambda, motion,
+        static_cast<double>(s.field.at(kFieldShare, p)), scale.unit, evaluated);
     for (Index k = 0; is_answer && env.w != nullptr && k < 3; ++k)
       env.w[3 * static_cast<Offset>(contact.contact) + k] = canonical_zero(saturated<Real>(motion[k]));
   });

@@ -110,8 +110,8 @@ PackMask<T, W> load_contacts(const PackEnv<T, W>& env, const BodyPack<T, W, kLaw
   return bad;
 }
 
-/// begin_substep() of those that enter, but for islands: biases, error scales of contacts, and the largest of each lane.
-/// `kept`: contacts of the lanes that enter, 0 in the others. The workspace has their free twists.
+/// begin_substep() of those that enter, but for islands: biases, error scales of contacts, and the largest of each
+/// lane. `kept`: contacts of the lanes that enter, 0 in the others. The workspace has their free twists.
 template <class T, int W, Law kLaw>
 void begin_lanes(const PackEnv<T, W>& env, const BodyPack<T, W, kLaw>& s, const SiParams& params,
                  const ExactWorkspace& workspace, Pack<T, W> kept, ErrorScale (&scales)[W]) {
@@ -123,7 +123,7 @@ void begin_lanes(const PackEnv<T, W>& env, const BodyPack<T, W, kLaw>& s, const 
   };
   for (int first = 0; first < W; first += Lanes::kLanes) {
     const Lanes lanes{s, first};
-    const auto find_b = [&](Index p, Wide (&b)[3]) {
+    const auto find_b = [&](Index p, Wide(&b)[3]) {
       const auto side_a = slot_of(env.side(2 * static_cast<Offset>(p)));
       const auto side_b = slot_of(env.side(2 * static_cast<Offset>(p) + 1));
       const ExactGeometry<Wide> contact = lanes.geometry(p);
@@ -262,8 +262,7 @@ struct LaneJudge {
           lambda, motion, lanes.number(s.field.at(kFieldShare, p)), unit, with_this);
       const auto is_here = exists(p);
       evaluated = {select(is_here, with_this.square, evaluated.square),
-                   select(is_here, with_this.stuck, evaluated.stuck),
-                   select(is_here, with_this.plain, evaluated.plain),
+                   select(is_here, with_this.stuck, evaluated.stuck), select(is_here, with_this.plain, evaluated.plain),
                    select(is_here, with_this.size, evaluated.size),
                    select(is_here, with_this.reaction, evaluated.reaction)};
       write_solution(p, motion);

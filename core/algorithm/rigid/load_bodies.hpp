@@ -303,15 +303,16 @@ STICTION_HD bool share_scales(TeamT&, const BodyEnv<Real>&, const BodySystem<Rea
 }
 
 /// Turns the contacts' own error scales, which are in kFieldShare, into shares of `most`, the largest
-/// (docs/math/residual.md). An impulse in an island that needs nothing is left out. Held contacts have a negative share.
+/// (docs/math/residual.md). An impulse in an island that needs nothing is left out. Held contacts have a negative
+/// share.
 template <Team TeamT, class Real, Law kLaw, int kStride>
 STICTION_HD_OUTLINE void weigh_islands(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
                                        const Strided<double, kStride>& reach, double most) {
   double differs = 0.0;
   for_each_tiled(team, s.contacts, [&](Index p) {
     if (is_held(s, p)) return;
-    differs = static_cast<double>(s.field.at(kFieldShare, p)) != static_cast<double>(static_cast<Real>(most)) ? 1.0
-                                                                                                              : differs;
+    differs =
+        static_cast<double>(s.field.at(kFieldShare, p)) != static_cast<double>(static_cast<Real>(most)) ? 1.0 : differs;
   });
   if (team.max(differs) > 0.0) {
     for_each(team, s.bodies + 1, [&](Index body) { reach[6 * static_cast<Offset>(body)] = 0.0; });

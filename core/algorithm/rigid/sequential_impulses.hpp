@@ -145,8 +145,8 @@ STICTION_HD void keep_best(TeamT& team, const BodySystem<Real, kLaw, kStride>& s
 /// No reactions in the whole step: the answer that is finite when no iterate was. As if the first sub-step had been the
 /// only one.
 template <Team TeamT, class Real, Law kLaw, int kStride>
-STICTION_HD_OUTLINE ErrorScale fall_back(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
-                                     SiParams& params) {
+STICTION_HD_OUTLINE ErrorScale fall_back(TeamT& team, const BodyEnv<Real>& env,
+                                         const BodySystem<Real, kLaw, kStride>& s, SiParams& params) {
   params.step = params.step * static_cast<double>(params.substeps);
   params.substeps = 1;
   load_masses(team, env, s);
@@ -175,10 +175,9 @@ STICTION_HD SiPoll poll_last_substep(TeamT& team, const BodySystem<Real, kLaw, k
   }
   const bool broken = !finite_(estimate);
   const bool ended = broken || progress.done >= params.iterations;
-  const bool has_candidate =
-      (static_cast<double>(progress.best) <= params.tolerance * progress.scale.largest ||
-       static_cast<double>(progress.best) <= params.absolute_tolerance) &&
-      progress.best != progress.verified;
+  const bool has_candidate = (static_cast<double>(progress.best) <= params.tolerance * progress.scale.largest ||
+                              static_cast<double>(progress.best) <= params.absolute_tolerance) &&
+                             progress.best != progress.verified;
   return {broken, ended, has_candidate || ended};
 }
 

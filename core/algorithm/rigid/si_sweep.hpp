@@ -235,7 +235,9 @@ STICTION_HD_OUTLINE void refresh_bodies(TeamT& team, const BodyEnv<Real>& env, c
 /// What a contact's error is measured by, from its weights of reactions.
 template <class T>
 STICTION_HD ConeMetric<T, 3> contact_metric(T a, T press_1, T press_2) {
-  const auto inverse = [](T press) { return select(press > T(0), div_(T(1), select(press > T(0), press, T(1))), T(0)); };
+  const auto inverse = [](T press) {
+    return select(press > T(0), div_(T(1), select(press > T(0), press, T(1))), T(0));
+  };
   return {a, {T(1), press_1, press_2}, {T(1), inverse(press_1), inverse(press_2)}};
 }
 
@@ -250,8 +252,8 @@ STICTION_HD_OUTLINE auto estimate_residual(TeamT& team, const Env& env, const Sy
     Real y[3];
     motion_of(s, visit, s.field.at(kFieldBias, p), x, y);
     const Real lo(kLowerBound<Scalar<Real>, System::kLaw>);
-    const auto metric = contact_metric(s.field.at(kFieldPress, p), s.field.at(kFieldPress + 1, p),
-                                       s.field.at(kFieldPress + 2, p));
+    const auto metric =
+        contact_metric(s.field.at(kFieldPress, p), s.field.at(kFieldPress + 1, p), s.field.at(kFieldPress + 2, p));
     const Real share = s.field.at(kFieldShare, p);
     const Real square = law_error_square<System::kLaw>(ContactShape{}, x, y, metric, lo, Real(0));
     // No sweep moves a held contact, whose share is negative.

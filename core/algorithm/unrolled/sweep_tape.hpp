@@ -243,7 +243,8 @@ STICTION_HD void keep_sweep(TeamT& team, const EnvView<Real>& env, const Unrolle
   }
 }
 
-/// The square of the largest error at the iterate, in shares of the largest error scale, by which the solver chooses what it returns; on every lane.
+/// The square of the largest error at the iterate, in shares of the largest error scale; on every lane. The solver
+/// chooses by it what it returns.
 template <Team TeamT, class Real>
 STICTION_HD double square_at(TeamT& team, const EnvView<Real>& env, const SweepTape& s) {
   for_each(team, s.n, [&](Index p) { s.lambda[s.row[p]] = s.scale[p] * s.x[p]; });
@@ -255,8 +256,8 @@ STICTION_HD double square_at(TeamT& team, const EnvView<Real>& env, const SweepT
   for_each(team, env.cone_count, [&](Index cone) {
     with_rows(env, [&](const auto& rows) {
       add_cone<false>(
-          env, rows, cone, s.share[cone], 1.0, [&](Index i) { return s.w[i]; },
-          [&](Index i) { return s.lambda[i]; }, largest);
+          env, rows, cone, s.share[cone], 1.0, [&](Index i) { return s.w[i]; }, [&](Index i) { return s.lambda[i]; },
+          largest);
       return 0;
     });
   });

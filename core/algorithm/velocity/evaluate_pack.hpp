@@ -4,10 +4,11 @@
 #include "core/algorithm/velocity/cone_law.hpp"
 #include "core/algorithm/velocity/load_pack.hpp"
 #include "core/algorithm/velocity/newton_progress.hpp"
+#include "core/algorithm/velocity/pack_islands.hpp"
 
 /// Evaluates what decides about an answer, in double whatever the iteration's precision. These are
-/// v+ = v_free + M^-1 J' x, the motion of all rows and the errors of contacts. They are evaluated for as many lanes as a
-/// vector of doubles has, from lane `first` on.
+/// v+ = v_free + M^-1 J' x, the motion of all rows and the errors of contacts. They are evaluated for as many lanes as
+/// a vector of doubles has, from lane `first` on.
 namespace stiction::inline STICTION_ISA {
 
 /// Share of A's diagonal that is compliance enough for a free row, which has no zone that a step could leave. The
@@ -275,12 +276,12 @@ struct DoublePack {
     Double most(0);
     for (Index s = 0; s < counts.slots; ++s) {
       set_metric(slots[s]);
-      const Double own = div_(with_law(s, law, [&](auto shape, auto of) { return error_at_rest<decltype(of)::value>(shape, s); }),
-                              unit);
+      const Double own = div_(
+          with_law(s, law, [&](auto shape, auto of) { return error_at_rest<decltype(of)::value>(shape, s); }), unit);
       array(workspace.share).put(s, own);
       most = max_(own, most);
     }
-    weigh_islands(most);
+    PackIslands<DoublePack>{*this}.weigh(most);
     return most;
   }
 
@@ -351,58 +352,6 @@ struct DoublePack {
     }
     const Double square = law_error_square<kLaw>(shape, none, y, metric_of(shape, slot), lo, hi);
     return max_(sqrt_(square), Double(static_cast<double>(kIdleShare)) * largest);
-  }
-
-  /// The lanes in which any of a slot's rows touches column c.
-  [[nodiscard]] STICTION_HD Mask<Double> touches(const SlotOf<Types>& slot, Index c) const {
-    auto found = number(workspace.J, slot.entry + c) != Double(0);
-    for (Index k = 1; k < slot.rows; ++k)
-      found = or_(found, number(workspace.J, slot.entry + static_cast<Offset>(k) * slot.columns + c) != Double(0));
-    return found;
-  }
-
-  /// Turns the cones' own error scales, which are in `share`, into shares of `most`, the largest. A scale spreads from
-  /// cone to degree of freedom, along M, and to cones, until nothing changes.
-  STICTION_HD_OUTLINE void weigh_islands(Double most) const {
-    const Doubles scale = array(workspace.share), reach = array(workspace.scratch);
-    // A slot without a cone in some lane has no diagonal there, and waits for nothing.
-    for (Index s = 0; s < counts.slots; ++s)
-      scale.put(s, select(press_of(slots[s]) > Double(0), scale[s], most));
-    for (;;) {
-      auto behind = Double(0) > Double(0);
-      for (Index s = 0; s < counts.slots; ++s) behind = or_(behind, scale[s] < most);
-      if (!any(behind)) break;
-      for (Index k = 0; k < tree.dofs; ++k) reach.put(k, Double(0));
-      for (Index s = 0; s < counts.slots; ++s)
-        for (Index c = 0; c < slots[s].columns; ++c) {
-          const Index dof = slots[s].dof[c];
-          reach.put(dof, select(touches(slots[s], c), max_(scale[s], reach[dof]), reach[dof]));
-        }
-      spread_along_mass(reach);
-      auto changed = Double(0) > Double(0);
-      for (Index s = 0; s < counts.slots; ++s) {
-        const Double own = scale[s];
-        Double found = own;
-        for (Index c = 0; c < slots[s].columns; ++c)
-          found = select(touches(slots[s], c), max_(reach[slots[s].dof[c]], found), found);
-        scale.put(s, found);
-        changed = or_(changed, found > own);
-      }
-      if (!any(changed)) break;
-    }
-    for (Index s = 0; s < counts.slots; ++s)
-      scale.put(s, select(most > Double(0), island_share(most, scale[s]), Double(1)));
-  }
-  STICTION_HD void spread_along_mass(const Doubles& reach) const {
-    for (Index k = 0; k < tree.dofs; ++k) {
-      const SmallOf<Types>* const path = tree.path(k);
-      for (Index d = tree.first(k); d < tree.depth[k]; ++d) {
-        const auto coupled = number(workspace.M, tree.begin[k] + d) != Double(0);
-        const Double together = max_(reach[k], reach[path[d]]);
-        reach.put(k, select(coupled, together, reach[k]));
-        reach.put(path[d], select(coupled, together, reach[path[d]]));
-      }
-    }
   }
 
   using Evaluated = LargestResidual<Double>;

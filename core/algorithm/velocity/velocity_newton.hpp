@@ -298,10 +298,10 @@ class VelocityNewton {
     for_each_part([&](const DoublePack<Types>& part) {
       const auto evaluated = part.evaluate(job_.law);
       for (int l = 0; l < Types::kDoubleLanes; ++l)
-        f(part.first + l, final_residual_of({lane_of(evaluated.square, l), lane_of(evaluated.stuck, l),
-                                             lane_of(evaluated.plain, l), lane_of(evaluated.size, l),
-                                             lane_of(evaluated.reaction, l)},
-                                            {1.0, lane_of(part.array(workspace_.error_unit)[0], l)}));
+        f(part.first + l,
+          final_residual_of({lane_of(evaluated.square, l), lane_of(evaluated.stuck, l), lane_of(evaluated.plain, l),
+                             lane_of(evaluated.size, l), lane_of(evaluated.reaction, l)},
+                            {1.0, lane_of(part.array(workspace_.error_unit)[0], l)}));
     });
   }
 

@@ -156,11 +156,11 @@ struct BodySolverOptions {
   BodyMethod method = BodyMethod::impulses;  ///< how
   BodySpaceOptions space;                    ///< read by Newton's method alone
   Index iterations = 50;                     ///< sweeps, or Newton steps, of each sub-step, at most, >= 0
-  double tolerance = 0;            ///< on the relative residual of the last sub-step; 0: all iterations [-]
-  double absolute_tolerance = 0;   ///< on its absolute residual; solved is where either holds [m/s]
-  bool momentum = true;            ///< Nesterov's, with restart, for sweeps
-  double omega = 1.0;              ///< relaxation, 0 < omega < 2 [-]
-  Index substeps = 1;              ///< the step in that many equal parts, >= 1 (Macklin et al. 2019)
+  double tolerance = 0;                      ///< on the relative residual of the last sub-step; 0: all iterations [-]
+  double absolute_tolerance = 0;             ///< on its absolute residual; solved is where either holds [m/s]
+  bool momentum = true;                      ///< Nesterov's, with restart, for sweeps
+  double omega = 1.0;                        ///< relaxation, 0 < omega < 2 [-]
+  Index substeps = 1;                        ///< the step in that many equal parts, >= 1 (Macklin et al. 2019)
   Index max_contacts_per_env = 0;  ///< 0: no limit; else that many deepest contacts of an environment are solved, the
                                    ///< lower index first among equals, and the environment gets kFlagContactsDropped
   int threads = 0;                 ///< CPU threads; 0: all cores

@@ -89,12 +89,12 @@ class Tracer;
 struct SolverOptions {
   SolverKind solver = SolverKind::npgs;  ///< which solver
   std::optional<Law> law;                ///< overrides the batch's law
-  double tolerance = 1e-4;               ///< on the relative residual (docs/math/residual.md); 0: run all iterations [-]
-  Index max_iterations = 1000;           ///< per environment, >= 0
-  Index stall_window = 2000;             ///< stop after that many iterations without a better residual; 0: never
-  double omega = 1.0;                    ///< relaxation of the sweeps of pgs and npgs, 0 < omega < 2 [-]
-  int threads = 0;                       ///< CPU threads; 0: all cores
-  double absolute_tolerance = 0.0;       ///< on the absolute residual; solved is where either holds [w]
+  double tolerance = 1e-4;          ///< on the relative residual (docs/math/residual.md); 0: run all iterations [-]
+  Index max_iterations = 1000;      ///< per environment, >= 0
+  Index stall_window = 2000;        ///< stop after that many iterations without a better residual; 0: never
+  double omega = 1.0;               ///< relaxation of the sweeps of pgs and npgs, 0 < omega < 2 [-]
+  int threads = 0;                  ///< CPU threads; 0: all cores
+  double absolute_tolerance = 0.0;  ///< on the absolute residual; solved is where either holds [w]
   InvalidPolicy invalid = InvalidPolicy::reject;  ///< what to do with numbers that break a precondition
   IslandMode islands = IslandMode::together;      ///< apart: batches in host memory only
   Tracer* tracer = nullptr;  ///< collects where time goes (stiction/trace.hpp), outlives the solver; null: none

@@ -81,8 +81,7 @@ class BlockNewton {
     });
     const double largest = max_over<double>(team_, env_.rows, [&](Index row) { return abs_(n_.b[row]); });
     judge_.scale.unit = error_unit(largest);
-    judge_.scale.largest =
-        max_(weigh_islands(team_, terms_, mass_, job_.law, judge_.scale.unit), 1e-300);
+    judge_.scale.largest = max_(weigh_islands(team_, terms_, mass_, job_.law, judge_.scale.unit), 1e-300);
     progress_.scale = judge_.scale.largest;
     return team_.combine(is_bad) == 0 && finite_(progress_.scale);
   }

@@ -127,9 +127,9 @@ struct BlockWorkspace {
       return part;
     };
     for (double** part : {&J, &Y}) *part = take(Offset{kMostTouches} * kBodyBlock * extent.rows);
-    for (double** part : {&target, &b,    &R,        &mu,     &prox,   &held, &shift,    &z,      &x,     &unit,
-                          &line,   &bent, &diagonal, &motion, &answer, &best, &x_before, &unit_x, &sigma, &feedback,
-                          &axis_press, &axis_slip})
+    for (double** part :
+         {&target, &b,        &R,      &mu,     &prox, &held,     &shift,  &z,     &x,        &unit,       &line,
+          &bent,   &diagonal, &motion, &answer, &best, &x_before, &unit_x, &sigma, &feedback, &axis_press, &axis_slip})
       *part = take(extent.rows);
     B = take(kMaxConeRows * Offset{extent.rows});
     steps = take(kSteps * Offset{extent.cones});

@@ -124,8 +124,8 @@ STICTION_HD ConeMetric<double, Shape::kRows> block_cone_metric(Shape, const Bloc
   return metric;
 }
 
-/// Adds the error of a cone's reactions x, of which y is the motion. Rows between bounds are boxes, whatever their kind: a free row has
-/// infinite ones.
+/// Adds the error of a cone's reactions x, of which y is the motion. Rows between bounds are boxes, whatever their
+/// kind: a free row has infinite ones.
 STICTION_HD void add_block_cone(const BlockTerms& terms, Index c, Law law, const double* reaction, const double* motion,
                                 double share, double unit, LargestResidual<double>& largest) {
   const BlockWorkspace& n = terms.n;
@@ -163,8 +163,7 @@ STICTION_HD double error_at_rest(const BlockTerms& terms, Index c, Law law, doub
   LargestResidual<double> own;
   add_block_cone(terms, c, law, nullptr, n.b, 1.0, unit, own);
   double largest = 0.0;
-  for (Index row = terms.cones().row[c]; row < terms.cones().row[c + 1]; ++row)
-    largest = max_(abs_(n.b[row]), largest);
+  for (Index row = terms.cones().row[c]; row < terms.cones().row[c + 1]; ++row) largest = max_(abs_(n.b[row]), largest);
   return max_(div_(sqrt_(own.square), unit), static_cast<double>(kIdleShare) * largest);
 }
 
@@ -180,8 +179,7 @@ STICTION_HD bool spread_scales(const BlockTerms& terms, const MassBlocks& mass) 
         if (n.J[cones.entry[t] + e] != 0.0) f(cones.block[t] * kBodyBlock + e % kBodyBlock);
   };
   for (Index i = 0; i < dofs.unknowns(); ++i) reach[i] = 0.0;
-  for (Index c = 0; c < cones.cones; ++c)
-    for_each_touched(c, [&](Index i) { reach[i] = max_(n.share[c], reach[i]); });
+  for (Index c = 0; c < cones.cones; ++c) for_each_touched(c, [&](Index i) { reach[i] = max_(n.share[c], reach[i]); });
   for (Index row = 0; row < dofs.count; ++row)
     for (Index column = dofs.of_block[row]; column <= row; ++column)
       for (Index e = 0; e < kBodyBlock * kBodyBlock; ++e) {
@@ -213,8 +211,7 @@ STICTION_HD_OUTLINE double weigh_islands(TeamT& team, const BlockTerms& terms, c
     for (Index c = 0; c < cones; ++c) differ = differ || n.share[c] != most;
     while (differ) differ = spread_scales(terms, mass);
   });
-  for_each(team, cones,
-           [&](Index c) { n.share[c] = most > 0.0 ? island_share(most, n.share[c]) : 1.0; });
+  for_each(team, cones, [&](Index c) { n.share[c] = most > 0.0 ? island_share(most, n.share[c]) : 1.0; });
   return most;
 }
 

@@ -1,0 +1,81 @@
+#pragma once
+
+#include "core/algorithm/residual/final_residual.hpp"
+
+/// Islands of the environments in a pack's lanes, as their errors see them (docs/math/residual.md).
+namespace stiction::inline STICTION_ISA {
+
+/// `View`: DoublePack.
+template <class View>
+struct PackIslands {
+  using Double = typename View::Double;
+  using Doubles = typename View::Doubles;
+  const View& pack;
+
+  /// Turns the cones' own error scales, which are in `share`, into shares of `most`, the largest. A scale spreads from
+  /// cone to degree of freedom, along M, and to cones, until nothing changes.
+  STICTION_HD_OUTLINE void weigh(Double most) const {
+    const Doubles scale = pack.array(pack.workspace.share), reach = pack.array(pack.workspace.scratch);
+    // A slot without a cone in some lane has no diagonal there, and waits for nothing.
+    for (Index s = 0; s < pack.counts.slots; ++s)
+      scale.put(s, select(pack.press_of(pack.slots[s]) > Double(0), scale[s], most));
+    while (any(behind(scale, most)) && spread(scale, reach)) {
+    }
+    for (Index s = 0; s < pack.counts.slots; ++s)
+      scale.put(s, select(most > Double(0), island_share(most, scale[s]), Double(1)));
+  }
+
+ private:
+  /// The lanes in which some cone's scale is not the largest.
+  [[nodiscard]] STICTION_HD Mask<Double> behind(const Doubles& scale, Double most) const {
+    auto found = Double(0) > Double(0);
+    for (Index s = 0; s < pack.counts.slots; ++s) found = or_(found, scale[s] < most);
+    return found;
+  }
+
+  /// The lanes in which any of a slot's rows touches column c.
+  template <class Slot>
+  [[nodiscard]] STICTION_HD Mask<Double> touches(const Slot& slot, Index c) const {
+    const auto entry = [&](Index k) {
+      return pack.number(pack.workspace.J, slot.entry + static_cast<Offset>(k) * slot.columns + c) != Double(0);
+    };
+    auto found = entry(0);
+    for (Index k = 1; k < slot.rows; ++k) found = or_(found, entry(k));
+    return found;
+  }
+
+  /// One pass. Returns whether any scale has grown.
+  STICTION_HD bool spread(const Doubles& scale, const Doubles& reach) const {
+    for (Index k = 0; k < pack.tree.dofs; ++k) reach.put(k, Double(0));
+    for (Index s = 0; s < pack.counts.slots; ++s)
+      for (Index c = 0; c < pack.slots[s].columns; ++c) {
+        const Index dof = pack.slots[s].dof[c];
+        reach.put(dof, select(touches(pack.slots[s], c), max_(scale[s], reach[dof]), reach[dof]));
+      }
+    spread_along_mass(reach);
+    auto grown = Double(0) > Double(0);
+    for (Index s = 0; s < pack.counts.slots; ++s) {
+      const Double own = scale[s];
+      Double found = own;
+      for (Index c = 0; c < pack.slots[s].columns; ++c)
+        found = select(touches(pack.slots[s], c), max_(reach[pack.slots[s].dof[c]], found), found);
+      scale.put(s, found);
+      grown = or_(grown, found > own);
+    }
+    return any(grown);
+  }
+
+  STICTION_HD void spread_along_mass(const Doubles& reach) const {
+    for (Index k = 0; k < pack.tree.dofs; ++k) {
+      const auto* const path = pack.tree.path(k);
+      for (Index d = pack.tree.first(k); d < pack.tree.depth[k]; ++d) {
+        const auto coupled = pack.number(pack.workspace.M, pack.tree.begin[k] + d) != Double(0);
+        const Double together = max_(reach[k], reach[path[d]]);
+        reach.put(k, select(coupled, together, reach[k]));
+        reach.put(path[d], select(coupled, together, reach[path[d]]));
+      }
+    }
+  }
+};
+
+}  // namespace stiction::inline STICTION_ISA
