@@ -3,8 +3,8 @@
 #include "core/algorithm/problem/cone_shape.hpp"
 #include "core/algorithm/sweep/semidefinite_projection.hpp"
 
-/// The error of a contact, in units of its normal motion (docs/math/residual.md). By so much its reaction and its motion
-/// must be changed until they obey its law.
+/// The error of a contact, in units of its normal motion (docs/math/residual.md). By so much its reaction and its
+/// motion must be changed until they obey its law.
 namespace stiction::inline STICTION_ISA {
 
 /// A cone's part of the diagonal d of A + R, in coordinates in which its friction cone is the unit cone. These are
@@ -76,7 +76,8 @@ STICTION_HD Real box_friction_error_square(const Real (&x)[M], const Real (&y)[M
 }
 
 /// The square of the distance from pairs that slide along `d`, a unit vector in the coordinates of the unit cone. Their
-/// reaction is l (1, -d) and their motion c (g, d), with l and c >= 0. g is 0 under Coulomb's law, 1 under the convex one.
+/// reaction is l (1, -d) and their motion c (g, d), with l and c >= 0. g is 0 under Coulomb's law, 1 under the convex
+/// one.
 template <Law kLaw, class Real, int M>
 STICTION_HD Real sliding_error_square(const Real (&x)[M], const Real (&y)[M], const Real (&d)[M],
                                       const ConeMetric<Real, M>& metric) {
