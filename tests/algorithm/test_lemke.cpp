@@ -76,11 +76,12 @@ TEST(Lemke, ZerosOnTheDiagonalAreNoObstacle) {
   }
 }
 
-TEST(Lemke, AReactionOnARowWithoutADiagonalIsJudged) {
-  // w = 2 - 0 = 2 on the first row: a reaction there is an error, though nothing pushes back.
+TEST(Lemke, AReactionOnARowWithoutADiagonalWeighsNothing) {
+  // w = 2 on the first row, whatever its reaction is.
   const Environment<double> env = system({unilateral(), unilateral()}, {0, 0, 0, 1}, {2, 1});
   EXPECT_EQ(judged(env, {0, 0}), 0.0);
-  EXPECT_EQ(judged(env, {1, 0}), 0.5);
+  EXPECT_EQ(judged(env, {1, 0}), 0.0);
+  EXPECT_EQ(judged(system({unilateral(), unilateral()}, {0, 0, 0, 1}, {-2, 1}), {1, 0}), 1.0);
 }
 
 /// Solves B u = q of any number of right-hand sides in long double, by partial pivoting; false where B is singular.

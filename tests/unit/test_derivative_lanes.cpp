@@ -259,7 +259,8 @@ TEST(DerivativeInLanes, TakesLargeEnvironmentsPartByPart) {
       EXPECT_EQ(own.status[1].flags, expected.status[1].flags);
       EXPECT_EQ(own.status[1].unknowns, expected.status[1].unknowns);
       EXPECT_EQ(own.status[1].degenerate, expected.status[1].degenerate);
-      EXPECT_NEAR(own.status[1].forward_residual, expected.status[1].forward_residual, 1e-14);
+      // Roundings of max|b|, over the scale of an island that is smaller.
+      EXPECT_NEAR(own.status[1].forward_residual, expected.status[1].forward_residual, 1e-13);
     }
   }
 }

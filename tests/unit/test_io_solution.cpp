@@ -134,8 +134,8 @@ TEST_F(IoSolution, MalformedSolutionsAreRefusedInOneSentence) {
               HasSubstr("dataset 'lambda' holds integers, expected floating-point numbers"));
   EXPECT_THAT(refusal([](Spoiler& f) { f.put("w", std::vector<double>{1.0}); }),
               HasSubstr("dataset 'w' has 1 elements, expected 4"));
-  EXPECT_THAT(refusal([](Spoiler& f) { f.put("status", std::vector<std::int32_t>{0, 6}); }),
-              HasSubstr("dataset 'status' holds 6 at position 1, the last code known is 5"));
+  EXPECT_THAT(refusal([](Spoiler& f) { f.put("status", std::vector<std::int32_t>{0, 8}); }),
+              HasSubstr("dataset 'status' holds 8 at position 1, the last code known is 7"));
   EXPECT_THAT(refusal([](Spoiler& f) { f.put("status", std::vector<std::int32_t>{0, 300}); }),
               HasSubstr("dataset 'status' holds 300 at position 1, which does not fit 8 bits"));
   EXPECT_THAT(refusal([](Spoiler& f) { f.put("answered_by", std::vector<std::int32_t>{0, 77}); }),

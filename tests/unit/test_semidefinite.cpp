@@ -179,14 +179,14 @@ TEST(Semidefinite, TheJudgeByHand) {
   const auto judged = [](const Environment<double>& env, const std::vector<double>& lambda) {
     return verify(batch_of({env}).view(), std::span<const double>(lambda)).at(0).absolute;
   };
-  // a = 1, so r = lambda - P(z) whatever lambda is.
+  // a = 1, so the error is sqrt(2) norm(lambda - P(z)) whatever lambda is.
   const Environment<double> env = nearest_to({0, kRoot, 0});
-  EXPECT_NEAR(judged(env, {0, 0, 0}), 1.0, 1e-15);
+  EXPECT_NEAR(judged(env, {0, 0, 0}), kRoot, 1e-15);
   EXPECT_NEAR(judged(env, {0.5, 0.5 * kRoot, 0.5}), 0.0, 1e-15);
-  EXPECT_NEAR(judged(env, {0.5, -0.5 * kRoot, 0.5}), kRoot, 1e-15);
+  EXPECT_NEAR(judged(env, {0.5, -0.5 * kRoot, 0.5}), 2.0, 1e-15);
   const Environment<double> longer = nearest_to({0, 0, 2, 0, 0, -1});
   EXPECT_NEAR(judged(longer, {0, 0, 2, 0, 0, 0}), 0.0, 1e-15);
-  EXPECT_NEAR(judged(longer, {3, 0, 2, 0, 4, 0}), 5.0, 1e-14);
+  EXPECT_NEAR(judged(longer, {3, 0, 2, 0, 4, 0}), 5.0 * kRoot, 1e-14);
   // Every residual that a solve reports is of answers that were judged so.
   for (const std::vector<double>& start : {std::vector<double>{1, 0, 1}, std::vector<double>{0, 0, 0.25}}) {
     const Solution<double> solution =

@@ -27,7 +27,7 @@ template <class Real, int kStride, class F>
 STICTION_HD void for_each_own(const DenseSystem<Real, kStride>& s, F&& f) {
   bool goes_on = true;
   s.for_each_in_order([&](auto shape, Index cone, Index row) {
-    if (goes_on && s.inv_cone[cone] > Real(0)) goes_on = f(cone, row, decltype(shape)::kRows);
+    if (goes_on && s.residual_weight[cone] > Real(0)) goes_on = f(cone, row, decltype(shape)::kRows);
   });
 }
 

@@ -84,10 +84,14 @@ STICTION_HD FactorRows<Real> residual_rows(TeamT& team, const EnvView<Real>& env
 /// Converts a double to a Real, or some. What lies beyond Real's range becomes its largest number, and so does what is
 /// no number (infinity less infinity), so that every output is finite.
 template <class Real, class Wide>
-STICTION_HD Real saturated(Wide value) {
+STICTION_HD Wide within_range(Wide value) {
   constexpr bool kIsFloat = sizeof(Scalar<Real>) == sizeof(float);
   constexpr double kLargest = kIsFloat ? static_cast<double>(__FLT_MAX__) : __DBL_MAX__;
-  return narrowed<Real>(select(value == value, clamp_(value, Wide(-kLargest), Wide(kLargest)), Wide(kLargest)));
+  return select(value == value, clamp_(value, Wide(-kLargest), Wide(kLargest)), Wide(kLargest));
+}
+template <class Real, class Wide>
+STICTION_HD Real saturated(Wide value) {
+  return narrowed<Real>(within_range<Real>(value));
 }
 
 /// The unit roundoff of a precision.

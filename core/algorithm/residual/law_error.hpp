@@ -16,6 +16,10 @@ struct ConeMetric {
   Real slip[M];   ///< weight of y_k^2: its inverse; 1 / mu_k^2 of a row that cannot move
 };
 
+/// Squares of an axis' friction below this have no inverse: the axis counts as one without friction.
+template <class Real>
+inline constexpr double kLeastPress = sizeof(Scalar<Real>) == sizeof(float) ? 0x1p-120 : 0x1p-1000;
+
 /// The two weights of a further row of a friction cone. Rows that cannot move have the unit of the normal one.
 template <class Real>
 struct AxisWeights {
@@ -26,8 +30,9 @@ template <class Real>
 STICTION_HD AxisWeights<Real> axis_weights(Real d_n, Real d, Real mu) {
   const auto moves = and_(d_n > Real(0), d > Real(0));
   const Real press = (mu * mu) * select(moves, div_(d, select(moves, d_n, Real(1))), Real(1));
-  const auto counts = press > Real(0);
-  return {select(moves, press, Real(0)), select(counts, div_(Real(1), select(counts, press, Real(1))), Real(0))};
+  const auto counts = press > Real(static_cast<Scalar<Real>>(kLeastPress<Real>));
+  return {select(and_(moves, counts), press, Real(0)),
+          select(counts, div_(Real(1), select(counts, press, Real(1))), Real(0))};
 }
 
 /// axis_weights() from the row's diagonal entry in the coordinates of the unit cone, mu^2 d.
@@ -35,8 +40,9 @@ template <class Real>
 STICTION_HD AxisWeights<Real> unit_axis_weights(Real d_n, Real unit_d, Real mu) {
   const auto moves = and_(d_n > Real(0), unit_d > Real(0));
   const Real press = select(moves, div_(unit_d, select(moves, d_n, Real(1))), mu * mu);
-  const auto counts = press > Real(0);
-  return {select(moves, press, Real(0)), select(counts, div_(Real(1), select(counts, press, Real(1))), Real(0))};
+  const auto counts = press > Real(static_cast<Scalar<Real>>(kLeastPress<Real>));
+  return {select(and_(moves, counts), press, Real(0)),
+          select(counts, div_(Real(1), select(counts, press, Real(1))), Real(0))};
 }
 
 /// A law as the type of an argument.
@@ -111,10 +117,19 @@ STICTION_HD Real sliding_error_square(const Real (&x)[M], const Real (&y)[M], co
 /// The distance of a contact with friction from the nearest member of its law's graph: open, sticking, sliding along
 /// its motion, sliding against its reaction.
 template <Law kLaw, class Real, int M>
-STICTION_HD Real friction_error_square(const Real (&x_unit)[M], const Real (&y)[M], const ConeMetric<Real, M>& metric) {
+STICTION_HD Real friction_error_square(const Real (&x_unit)[M], const Real (&y_unit)[M],
+                                       const ConeMetric<Real, M>& metric) {
   constexpr auto kNone = __builtin_huge_valf();
   Real x[M];
-  for (int k = 0; k < M; ++k) x[k] = metric.a * x_unit[k];
+  Real y[M];
+  x[0] = metric.a * x_unit[0];
+  y[0] = y_unit[0];
+  // An axis without friction carries nothing in the batch's units, whatever an iterate has there.
+  for (int k = 1; k < M; ++k) {
+    const auto has_friction = metric.slip[k] > Real(0);
+    x[k] = select(has_friction, metric.a * x_unit[k], Real(0));
+    y[k] = select(has_friction, y_unit[k], Real(0));
+  }
   Real reaction(0), friction(0), motion(0), slip(0);
   for (int k = 1; k < M; ++k) {
     friction = fma_(metric.press[k] * x[k], x[k], friction);

@@ -139,7 +139,7 @@ void begin_lanes(const PackEnv<T, W>& env, const BodyPack<T, W, kLaw>& s, const 
       if (!any(exists)) continue;
       Wide b[3];
       const Wide bias = find_b(p, b);
-      const auto held = lanes.number(s.field.at(kFieldInverse, p)) == Wide(0.0);
+      const auto held = lanes.number(s.field.at(kFieldPress, p)) == Wide(0.0);
       put(s.field.at(kFieldBias, p), first, exists, select(held, Wide(static_cast<double>(kHeldBias)), bias));
       for (int k = 0; k < 3; ++k) largest = select(exists, max_(abs_(b[k]), largest), largest);
     }
@@ -156,8 +156,9 @@ void begin_lanes(const PackEnv<T, W>& env, const BodyPack<T, W, kLaw>& s, const 
       find_b(p, b);
       const auto field = [&](Index k) { return lanes.number(s.field.at(k, p)); };
       const auto metric = contact_metric(field(kFieldPress), field(kFieldPress + 1), field(kFieldPress + 2));
-      put(s.field.at(kFieldShare, p), first, exists, error_at_rest<kLaw>(b, field(kFieldMu), metric, unit));
-      const auto held = field(kFieldInverse) == Wide(0.0);
+      const Wide own = within_range<T>(error_at_rest<kLaw>(b, field(kFieldMu), metric, unit));
+      put(s.field.at(kFieldShare, p), first, exists, own);
+      const auto held = field(kFieldPress) == Wide(0.0);
       most = select(and_(exists, not_(held)), max_(field(kFieldShare), most), most);
       of_held = select(and_(exists, held), max_(field(kFieldShare), of_held), of_held);
     }

@@ -149,7 +149,7 @@ STICTION_HD Mask<Real> load_block(const BodySystem<Real, kLaw, kStride>& s, Inde
 /// Whether a loaded contact is held.
 template <class System>
 STICTION_HD auto is_held(const System& s, Index p) {
-  return s.field.at(kFieldInverse, p) == typename System::Real(0);
+  return s.field.at(kFieldPress, p) == typename System::Real(0);
 }
 /// Its bias, which no motion outweighs: to an iteration it is a contact that opens.
 inline constexpr float kHeldBias = 0x1p60F;
@@ -362,7 +362,7 @@ STICTION_HD_OUTLINE ErrorScale begin_substep(TeamT& team, const BodyEnv<Real>& e
     find_b(p, b);
     const auto field = [&](Index k) { return static_cast<double>(s.field.at(k, p)); };
     const auto metric = contact_metric(field(kFieldPress), field(kFieldPress + 1), field(kFieldPress + 2));
-    const Real own = static_cast<Real>(error_at_rest<kLaw>(b, field(kFieldMu), metric, unit));
+    const Real own = saturated<Real>(error_at_rest<kLaw>(b, field(kFieldMu), metric, unit));
     s.field.at(kFieldShare, p) = own;
     if (is_held(s, p)) {
       of_held = max_(static_cast<double>(own), of_held);
