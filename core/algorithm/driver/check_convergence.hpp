@@ -55,7 +55,7 @@ STICTION_HD_SHARED void write_solution(TeamT& team, const EnvView<Real>& env, co
   const Real unscale = div_(s.scalar[kScaleA], s.scalar[kScaleB]);
   for_each_slot(team, env, s, [&](Index cone, ConeSlot slot) {
     const Index first = env.cone_row(cone);
-    const bool needs_nothing = s.island[slot.cone] == Real(kIdleIsland);
+    const bool needs_nothing = s.island[slot.cone] == Real(static_cast<Scalar<Real>>(kIdleIsland<Real>));
     for (Index k = 0; k < env.cone_size(cone); ++k) {
       const Index i = env.row_of(first, env.cone_size(cone), k);
       const Real scale = row_scale(env, env.kind[cone], k, i);

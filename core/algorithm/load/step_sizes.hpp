@@ -93,7 +93,8 @@ STICTION_HD Real error_without_reaction(Shape shape, const Real (&y)[M], const C
   } else {
     square = law_error_square<Law::convex>(shape, none, y, metric, lo, hi);
   }
-  return max_(sqrt_(square), Real(kIdleShare) * largest);
+  // A scale that is no number would be no scale at all.
+  return max_(select(finite_(square), sqrt_(square), Real(0)), Real(kIdleShare) * largest);
 }
 
 /// Works in the lanes of `due`. It turns what load_row() has put there into the solver's units. It takes step lengths

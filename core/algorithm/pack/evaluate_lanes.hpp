@@ -104,7 +104,7 @@ STICTION_HD_SHARED void evaluate_lanes(const DenseSystem<Pack<Real, W>>& pack, c
   for_each_segment(pack.counts, [&](auto shape, Index slots, Index first_cone, Index first_row) {
     constexpr int kRows = decltype(shape)::kRows;
     for (Index c = 0; c < slots; ++c) {
-      const auto needs_nothing = pack.island[first_cone + c] == Lanes(static_cast<Real>(kIdleIsland));
+      const auto needs_nothing = pack.island[first_cone + c] == Lanes(static_cast<Real>(kIdleIsland<Real>));
       if (!any(needs_nothing)) continue;
       for (int k = 0; k < kRows; ++k) {
         Lanes& lambda = workspace.lambda[first_row + c * kRows + k];

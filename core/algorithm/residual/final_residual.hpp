@@ -255,7 +255,8 @@ STICTION_HD Verdict judge(const FinalResidual& found, double scale, const Allowa
   const bool counts = (is_hidden || !finite_(found.rounding_floor)) && found.rounding_floor > found.residual;
   const double movable = counts ? found.rounding_floor : found.residual;
   Verdict verdict;
-  verdict.relative = div_(max_(found.stuck, movable), scale);
+  const double relative = div_(max_(found.stuck, movable), scale);
+  verdict.relative = relative == relative ? relative : __builtin_huge_val();
   verdict.absolute = counts && found.rounding_floor > found.absolute ? found.rounding_floor : found.absolute;
   verdict.is_solved = (finite_(verdict.relative) && verdict.relative <= allowed.tolerance) ||
                       (verdict.absolute <= allowed.absolute && finite_(verdict.absolute));

@@ -204,14 +204,17 @@ STICTION_HD Real semidefinite_error_square(const Real (&x)[M], const Real (&y)[M
 /// An island's error scale is the largest error that one of its cones has without reactions. It is at least this share
 /// of its largest |b|, so that an island whose contacts need nothing has one, too.
 inline constexpr float kIdleShare = 1e-4F;
-/// The share of an island whose scale is zero: its cones need nothing, and whatever they have is an error.
-inline constexpr float kIdleIsland = 0x1p60F;
+/// The share of an island whose scale is zero: its cones need nothing, and whatever they have is an error. Its square
+/// has to be a number.
+template <class Real>
+inline constexpr double kIdleIsland = sizeof(Scalar<Real>) == sizeof(float) ? 0x1p60 : 0x1p500;
 
-/// What an error counts in an island of that scale: the largest island's scale, `most`, over it.
+/// An error's weight in an island of that scale: the largest island's scale, `most`, over it.
 template <class Real>
 STICTION_HD Real island_share(Real most, Real scale) {
-  const auto counts = and_(scale > Real(0), most < Real(kIdleIsland) * scale);
-  return select(counts, div_(most, select(counts, scale, Real(1))), Real(kIdleIsland));
+  const Real idle(static_cast<Scalar<Real>>(kIdleIsland<Real>));
+  const auto counts = and_(scale > Real(0), most < idle * scale);
+  return select(counts, div_(most, select(counts, scale, Real(1))), idle);
 }
 
 }  // namespace stiction::inline STICTION_ISA
