@@ -1,17 +1,12 @@
 """Derivatives of `stiction.jax.solve`: how reactions and motion follow changes of a problem. They are written in JAX's own
 operations. So JAX can transpose them, batch them and differentiate them again.
 
-The form is that of the natural map (docs/math/derivative.md). Take the coordinates x = S^-1 lambda, y = S w of unit cones, with
-S = diag(mu) on tangential rows. There a solution has
+They are the linear system of the modes (docs/math/derivative.md): with B = A + diag R and dbeta = dA lambda + dR lambda + db
 
-    a x = P(z),    z = a x - y - s e
+    dlambda = E z + e,    dw = B dlambda + dbeta,    (F' B E + D) z = -F' (dbeta + B e) - c
 
-P is the projection, a any weight of the cone, e its normal row; s = 0 (convex) or norm(y_t) (coulomb). Differentiated at
-fixed a, with T = I + e (y_t / norm(y_t))' for Coulomb's law and I otherwise,
-
-    (I - P' + P' T S B S / a) dx = -P' T (dS w + S (dbeta + B dS x)) / a,    B = A + diag R
-
-and dlambda = S dx + dS x, dw = B dlambda + dbeta, dbeta = dA lambda + dR lambda + db.
+Here each cone has as many unknowns z as rows, so that shapes do not depend on modes. Unknowns that its mode does not have
+stand alone, and are zero.
 """
 
 import jax
@@ -40,28 +35,48 @@ def _norm(v):
     return norm[..., 0], jnp.where(is_zero, 0, v / jnp.where(is_zero, 1, norm))
 
 
-def _friction_blocks(law, z, y, has_friction, tie):
-    """P' and P' T of friction cones; z without Coulomb's term. Shapes (..., rows), blocks (..., rows, rows)."""
-    rows = z.shape[-1]
-    speed, along = _norm(y[..., 1:])
-    normal = z[..., 0] - (speed if law == "coulomb" else 0)
-    length, u = _norm(jnp.where(has_friction, z[..., 1:], 0))
-    eye = jnp.eye(rows, dtype=z.dtype)
-    on = jnp.concatenate([jnp.ones_like(normal)[..., None], has_friction.astype(z.dtype)], -1)
-    sticking = eye * on[..., None]
-    # The projection's derivative where it meets the boundary (docs/math/cones.md).
-    share = jnp.where(length > 0, (normal + length) / 2 / jnp.where(length > 0, length, 1), 0)
-    across = jnp.eye(rows - 1, dtype=z.dtype) * has_friction[..., None] - u[..., :, None] * u[..., None, :]
-    tangential = u[..., :, None] * u[..., None, :] / 2 + share[..., None, None] * across
-    top = jnp.concatenate([jnp.full_like(normal, 0.5)[..., None], u / 2], -1)
-    sliding = jnp.concatenate([top[..., None, :], jnp.concatenate([u[..., :, None] / 2, tangential], -1)], -2)
-    is_open = (normal + length <= tie)[..., None, None]
-    sticks = (length - normal <= tie)[..., None, None]
-    projection = jnp.where(is_open, 0, jnp.where(sticks, sticking, sliding))
-    if law != "coulomb":
-        return projection, projection
-    shift = jnp.concatenate([jnp.zeros_like(normal)[..., None], along], -1)
-    return projection, projection + projection[..., :, :1] * shift[..., None, :]
+def _friction_sides(law, lambda_, w, mu, dmu, diagonal, a, tie, largest):
+    """E, F, D, e and c of friction cones: lambda_, w and diagonal (..., rows), mu and dmu (..., rows - 1)."""
+    dtype, on = w.dtype, mu > 0
+    one = jnp.ones_like(w[..., :1])
+    S = jnp.concatenate([one, jnp.where(on, mu, 0)], -1)
+    x_n, x_t = lambda_[..., 0], jnp.where(on, lambda_[..., 1:] / jnp.where(on, mu, 1), 0)
+    y_t = S[..., 1:] * w[..., 1:]
+    speed, _ = _norm(y_t)
+    length, u = _norm(a[..., None] * x_t - y_t)
+    is_open = a * x_n - w[..., 0] - (speed if law == "coulomb" else 0) + length <= tie
+    # Distances from both ends of sliding, each relative to what it can be: they do not vanish with mu, as a x - y does.
+    used, steepest = _norm(x_t)[0], jnp.max(S[..., 1:], -1, initial=0)
+    room = jnp.where(x_n > 0, (x_n - used) / jnp.where(x_n > 0, x_n, 1), 1)
+    sticks = ~is_open & (speed <= jnp.where(steepest > 0, steepest, 1) * largest * (jnp.maximum(room, 0) + _TIE))
+    slides = ~is_open & ~sticks
+    # Sliding: x_t = -d x_n, and what is across d turns.
+    d = jnp.where(slides[..., None], -u, 0)
+    across = jnp.eye(mu.shape[-1], dtype=dtype) * on[..., None] - d[..., :, None] * d[..., None, :]
+    turned = jnp.where(slides[..., None, None], across, 0)
+    along = -d[..., :, None]
+    corner = jnp.where(is_open, 0, 1).astype(dtype)[..., None, None]
+    stuck = jnp.where(sticks[..., None, None], jnp.eye(mu.shape[-1], dtype=dtype) * on[..., None], 0)
+    right = S[..., 1:, None] * turned + stuck  # that of sticking rows is in units of reactions: mu is not squared there
+    E = jnp.concatenate([jnp.concatenate([corner, jnp.zeros_like(along).swapaxes(-1, -2)], -1),
+                         jnp.concatenate([S[..., 1:, None] * along, right], -1)], -2)
+    test = S[..., 1:, None] * along if law == "convex" else jnp.zeros_like(along)
+    F = jnp.concatenate([jnp.concatenate([corner, jnp.zeros_like(along).swapaxes(-1, -2)], -1),
+                         jnp.concatenate([test, right], -1)], -2)
+    grip = jnp.where(slides & (x_n > 0), speed / jnp.where(x_n > 0, x_n, 1), 0)
+    alone = jnp.eye(mu.shape[-1], dtype=dtype) - turned - stuck
+    weight = grip + jnp.max(S[..., 1:] ** 2 * diagonal[..., 1:], -1, initial=0)  # of the size of what else is in those rows
+    weight = jnp.where(slides & (weight > 0), weight, 1)
+    top = jnp.concatenate([1 - corner, jnp.zeros_like(along).swapaxes(-1, -2)], -1)
+    below = grip[..., None, None] * turned + jax.lax.stop_gradient(weight)[..., None, None] * alone
+    D = jnp.concatenate([top, jnp.concatenate([jnp.zeros_like(along), below], -1)], -2)
+    moves = jnp.where(slides[..., None] & on, dmu, 0)
+    zero = jnp.zeros_like(w[..., :1])
+    e = jnp.concatenate([zero, moves * x_t], -1)
+    felt = moves * w[..., 1:]
+    first = jnp.sum(-d * felt, -1, keepdims=True) if law == "convex" else zero
+    c = jnp.concatenate([first, (turned @ felt[..., None])[..., 0]], -1)
+    return E, F, D, e, c
 
 
 def _single_rows(kind, z, a, lo, hi, tie):
@@ -85,58 +100,90 @@ def refuse(kinds):
                              "derivatives are taken")
 
 
+def _scaled(G):
+    """G with rows, then columns, divided by powers of two near their largest entries; those divisors' inverses. What a
+    pivot is small against then does not depend on mu, nor on other units of rows."""
+    def inverse(largest):
+        return jnp.where(largest > 0, jnp.ldexp(jnp.ones_like(largest), -jnp.frexp(largest)[1]), 1)
+
+    known = jax.lax.stop_gradient(G)
+    rows = inverse(jnp.max(jnp.abs(known), -1))
+    columns = inverse(jnp.max(jnp.abs(known * rows[..., None]), -2))
+    return rows[..., None] * G * columns[..., None, :], rows, columns
+
+
+def _times(matrix, vector):
+    return (matrix @ vector[..., None])[..., 0]
+
+
+class _System:
+    """The system of the modes at an answer. is_sound: of which environments it says how reactions move."""
+
+    def __init__(self, kinds, dims, law, numbers, dmu, lambda_, w, is_solved):
+        # A product with 0 is not 0 where a number is not finite.
+        A, b, mu, R, lo, hi, lambda_, w = (
+            jnp.where(is_solved[(..., *[None] * (x.ndim - is_solved.ndim))], x, 0) for x in (*numbers, lambda_, w))
+        n, dtype = b.shape[-1], A.dtype
+        self.lambda_, self.B = lambda_, A + R[..., None] * jnp.eye(n, dtype=dtype)
+        largest = jax.lax.stop_gradient(jnp.max(jnp.abs(b), -1, keepdims=True, initial=0))
+        tie, diagonal = _TIE * largest, jax.lax.stop_gradient(jnp.diagonal(self.B, axis1=-2, axis2=-1))
+        E = F = D = jnp.zeros_like(A)
+        self.e = self.c = jnp.zeros_like(b)
+        self.at_lo = self.at_hi = jnp.zeros_like(b)
+        for (kind, dim), rows in _rows_by_shape(kinds, dims).items():
+            S = jnp.concatenate([jnp.ones_like(mu[..., rows[:, :1]]), mu[..., rows[:, 1:]]], -1)
+            a = jnp.mean(jax.lax.stop_gradient(S * S) * diagonal[..., rows], -1)
+            a = jnp.where(a > 0, a, 1)
+            if kind == "friction":
+                own = _friction_sides(law, lambda_[..., rows], w[..., rows], mu[..., rows[:, 1:]], dmu[..., rows[:, 1:]],
+                                      diagonal[..., rows], a, tie, largest)
+                self.e, self.c = (x.at[..., rows].set(y, unique_indices=True) for x, y in zip((self.e, self.c), own[3:]))
+                right, left, alone = own[:3]
+            else:
+                flat, (lower, upper) = rows[:, 0], (bound[..., rows[:, 0]] for bound in (lo, hi))
+                z = a * lambda_[..., flat] - w[..., flat]
+                moves, by_lo, by_hi = _single_rows(kind, z, a, lower, upper, tie)
+                self.at_lo, self.at_hi = self.at_lo.at[..., flat].set(by_lo), self.at_hi.at[..., flat].set(by_hi)
+                right = left = moves[..., None, None]
+                alone = 1 - right
+            where = (..., rows[:, :, None], rows[:, None, :])
+            E, F, D = E.at[where].set(right), F.at[where].set(left), D.at[where].set(alone)
+        self.E, self.Ft = E, F.swapaxes(-1, -2)
+        G = self.Ft @ self.B @ E + D
+        is_finite = jnp.all(jnp.isfinite(G), (-2, -1))
+        G, self.by_row, self.by_column = _scaled(jnp.where(is_finite[..., None, None], G, jnp.eye(n, dtype=dtype)))
+        # A pivot of rounding alone says that reactions are not determined.
+        factor = jax.scipy.linalg.lu_factor(jax.lax.stop_gradient(G))[0]
+        pivots = jnp.abs(jnp.diagonal(factor, axis1=-2, axis2=-1))
+        self.is_sound = is_solved & is_finite & jnp.all(pivots > 16 * jnp.finfo(dtype).eps, -1)
+        self.G = jnp.where(self.is_sound[..., None, None], G, jnp.eye(n, dtype=dtype))
+
+    def solve(self, right):
+        """z, of a right-hand side; 0 where the environment is not sound."""
+        right = jnp.where(self.is_sound[..., None], self.by_row * right, 0)
+        return self.by_column * jnp.linalg.solve(self.G, right[..., None])[..., 0]
+
+
+def is_determined(kinds, dims, law, numbers, lambda_, w, is_solved):
+    """Which environments have derivatives that are not zero for want of them."""
+    refuse(kinds)
+    if numbers[1].shape[-1] == 0:
+        return is_solved
+    return _System(kinds, dims, law, numbers, jnp.zeros_like(numbers[1]), lambda_, w, is_solved).is_sound
+
+
 def tangents(kinds, dims, law, numbers, changes, lambda_, w, is_solved):
     """Changes of lambda_ and w that follow changes of A, b, mu, R, lo and hi, linear in those. Zeros where an environment
     was not solved, or where its reactions are not determined. Leading axes are environments.
     """
-    # A product with 0 is not 0 where a number is not finite.
-    A, b, mu, R, lo, hi, lambda_, w = (
-        jnp.where(is_solved[(..., *[None] * (x.ndim - is_solved.ndim))], x, 0) for x in (*numbers, lambda_, w))
     dA, db, dmu, dR, dlo, dhi = changes
-    n = b.shape[-1]
-    if n == 0:
+    if db.shape[-1] == 0:
         return db, db
     refuse(kinds)
-    groups = _rows_by_shape(kinds, dims)
-    tangential = np.zeros(n, bool)
-    for (kind, _), rows in groups.items():
-        if kind == "friction":
-            tangential[rows[:, 1:]] = True
-    S, dS = jnp.where(tangential, mu, 1), jnp.where(tangential & (mu > 0), dmu, 0)
-    x = jnp.where(S > 0, lambda_ / jnp.where(S > 0, S, 1), 0)
-    y = S * w
-    eye = jnp.eye(n, dtype=A.dtype)
-    B = A + R[..., None] * eye
-    diagonal = jax.lax.stop_gradient(S * S * jnp.diagonal(B, axis1=-2, axis2=-1))
-    tie = _TIE * jax.lax.stop_gradient(jnp.max(jnp.abs(b), -1, keepdims=True, initial=0))
-    a = jnp.ones_like(b)
-    projection = turned = jnp.zeros_like(A)
-    at_lo = at_hi = jnp.zeros_like(b)
-    for (kind, dim), rows in groups.items():
-        weight = jnp.mean(diagonal[..., rows], -1, keepdims=True)
-        weight = jnp.where(weight > 0, weight, 1)
-        a = a.at[..., rows].set(jnp.broadcast_to(weight, b.shape[:-1] + rows.shape))
-        z = a[..., rows] * x[..., rows] - y[..., rows]
-        if kind == "friction":
-            block, both = _friction_blocks(law, z, y[..., rows], S[..., rows[:, 1:]] > 0, tie)
-        else:
-            flat, (lower, upper) = rows[:, 0], (bound[..., rows] for bound in (lo, hi))
-            moves, by_lo, by_hi = _single_rows(kind, z, a[..., rows], lower, upper, tie[..., None])
-            block = both = moves[..., None]
-            at_lo, at_hi = at_lo.at[..., flat].set(by_lo[..., 0]), at_hi.at[..., flat].set(by_hi[..., 0])
-        where = (..., rows[:, :, None], rows[:, None, :])
-        projection, turned = projection.at[where].set(block), turned.at[where].set(both)
-    by_motion = turned / a[..., None]
-    K = eye - projection + by_motion @ (S[..., :, None] * B * S[..., None, :])
-    # A pivot of rounding alone says that reactions are not determined.
-    factor = jax.scipy.linalg.lu_factor(jax.lax.stop_gradient(jnp.where(jnp.isfinite(K), K, 0)))[0]
-    pivots = jnp.abs(jnp.diagonal(factor, axis1=-2, axis2=-1))
-    sound = is_solved & jnp.all(pivots > 16 * jnp.finfo(A.dtype).eps, -1) & jnp.all(jnp.isfinite(K), (-2, -1))
-    K = jnp.where(sound[..., None, None], K, eye)
-    times = lambda matrix, vector: (matrix @ vector[..., None])[..., 0]  # noqa: E731
-    dbeta = times(dA, lambda_) + dR * lambda_ + db
-    right = at_lo * dlo + at_hi * dhi - times(by_motion, dS * w + S * (dbeta + times(B, dS * x)))
-    dx = jnp.linalg.solve(K, jnp.where(sound[..., None], right, 0)[..., None])[..., 0]
-    dlambda = S * dx + dS * x
-    dw = times(B, dlambda) + dbeta
-    return jnp.where(sound[..., None], dlambda, 0), jnp.where(sound[..., None], dw, 0)
+    system = _System(kinds, dims, law, numbers, dmu, lambda_, w, is_solved)
+    dbeta = _times(dA, system.lambda_) + dR * system.lambda_ + db
+    e = system.e + system.at_lo * dlo + system.at_hi * dhi
+    z = system.solve(-_times(system.Ft, dbeta + _times(system.B, e)) - system.c)
+    dlambda = _times(system.E, z) + e
+    dw = _times(system.B, dlambda) + dbeta
+    return tuple(jnp.where(system.is_sound[..., None], change, 0) for change in (dlambda, dw))

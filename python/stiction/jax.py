@@ -91,8 +91,7 @@ def _solve(A, b, mu, R, lo, hi, how):
 def _(how, numbers, changes):
     lambda_, w, records = _solve(*numbers, how)
     kinds, dims = cone_list("cones", how.cones, numbers[1].shape[-1])
-    is_solved = records[..., STATUS_DTYPE.fields["code"][1]] == SOLVED
-    moved = _jax_derivative.tangents(kinds, dims, how.law, numbers, changes, lambda_, w, is_solved)
+    moved = _jax_derivative.tangents(kinds, dims, how.law, numbers, changes, lambda_, w, _is_solved(records))
     return (lambda_, w, records), (*moved, np.zeros(records.shape, jax.dtypes.float0))
 
 
@@ -151,6 +150,7 @@ def solve(A, b, mu=0.0, R=0.0, lo=0.0, hi=0.0, *, cones="friction", law="convex"
     lambda_ and w have derivatives by all numbers, forward and reverse, of any order (docs/math/derivative.md). They are
     those of the solution, not of the iterations, and err by as much as the solution does: solve to 1e-6 or less. An
     environment that was not solved has derivatives of 0, and so has one whose reactions are not determined: give R.
+    `has_derivative` says which.
 
     kappa > 0 takes the derivatives of the relaxed problem, so that open contacts pass some on (stiction.Derivative).
     What is returned does not change. derivative="unrolled" takes those of exactly max_iterations sweeps of solver="pgs"
@@ -174,6 +174,22 @@ def solve(A, b, mu=0.0, R=0.0, lo=0.0, hi=0.0, *, cones="friction", law="convex"
         start = jnp.asarray(0 if warm_start is None else warm_start, A.dtype)
         return _sweep(jnp.broadcast_to(start, b.shape), *numbers, how)
     return _solve_relaxed(*numbers, how, kappa) if kappa else _solve(*numbers, how)
+
+
+@functools.partial(jax.jit, static_argnames=("cones", "law"))
+def has_derivative(answer, A, b, mu=0.0, R=0.0, lo=0.0, hi=0.0, *, cones="friction", law="convex"):
+    """Which environments have implicit derivatives, bool (...): those that were solved and whose reactions are determined.
+    Derivatives of others are 0 for want of any. answer: (lambda_, w, status) of `solve` with these arguments.
+    """
+    lambda_, w, records = answer
+    A, b = _over_environments(jnp.asarray(A), jnp.asarray(b))
+    numbers = (A, *(jnp.broadcast_to(jnp.asarray(x, A.dtype), b.shape) for x in (b, mu, R, lo, hi)))
+    kinds, dims = cone_list("cones", cones, b.shape[-1])
+    return _jax_derivative.is_determined(kinds, dims, law, numbers, lambda_, w, _is_solved(records))
+
+
+def _is_solved(records):
+    return records[..., STATUS_DTYPE.fields["code"][1]] == SOLVED
 
 
 def _over_environments(A, b):
