@@ -1,5 +1,8 @@
 #include "core/io/recorded_solve.hpp"
 
+#include <string>
+#include <utility>
+
 #include "stiction/error.hpp"
 
 namespace stiction::io {
@@ -30,6 +33,18 @@ IslandMode read_islands(const InputFile& file) {
   }
 }
 
+constexpr std::pair<RecordedForm, const char*> kForms[] = {{RecordedForm::jacobian, "jacobian"},
+                                                           {RecordedForm::bodies, "bodies"}};
+
+/// Files of matrices say nothing.
+RecordedForm read_form(const InputFile& file) {
+  if (!file.has("solve/form")) return RecordedForm::matrix;
+  const std::string name = file.strings("solve/form", 1).front();
+  for (const auto& [form, known] : kForms)
+    if (name == known) return form;
+  file.refuse_dataset("solve/form", "names no form: expected jacobian or bodies, got " + name);
+}
+
 }  // namespace
 
 std::optional<RecordedSolve> read_recorded_solve(const InputFile& file, std::size_t rows) {
@@ -37,6 +52,7 @@ std::optional<RecordedSolve> read_recorded_solve(const InputFile& file, std::siz
   RecordedSolve solve;
   solve.solver = read_solver(file);
   solve.islands = read_islands(file);
+  solve.form = read_form(file);
   solve.lambda = file.reals("solve/lambda", rows);
   solve.precision = file.is_single("solve/lambda") ? Precision::f32 : Precision::f64;
   if (file.has("solve/warm_start")) solve.warm_start = file.reals("solve/warm_start", rows);
@@ -64,6 +80,8 @@ void write_recorded_solve(OutputFile& file, const RecordedSolve& solve) {
   file.group("solve");
   file.strings("solve/solver", {to_string(solve.solver)});
   if (solve.islands != IslandMode::together) file.strings("solve/islands", {to_string(solve.islands)});
+  for (const auto& [form, name] : kForms)
+    if (solve.form == form) file.strings("solve/form", {name});
   file.reals("solve/lambda", solve.lambda, solve.precision);
   if (!solve.warm_start.empty()) file.reals("solve/warm_start", solve.warm_start, solve.precision);
   const auto number = [&](const char* path, auto value) {

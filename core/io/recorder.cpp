@@ -70,6 +70,35 @@ std::vector<double> gather_rows(const std::vector<Real>& values, const std::vect
   return rows;
 }
 
+void copy_dynamics(Recording& to, const Recording& from) {
+  to.env_dof_offsets = from.env_dof_offsets;
+  to.J = from.J;
+  to.M = from.M;
+  to.v_free = from.v_free;
+  to.row_target = from.row_target;
+}
+
+void extend_csr(Csr& all, const Csr& more) {
+  extend_offsets(all.ptr, more.ptr);
+  extend(all.col, more.col);
+  extend(all.val, more.val);
+}
+
+/// J and M of further environments; a file has them of all its environments or of none.
+void extend_dynamics(Recording& all, const Recording& more) {
+  if (more.env_dof_offsets.empty()) return;
+  extend_offsets(all.env_dof_offsets, more.env_dof_offsets);
+  extend_csr(all.J, more.J);
+  extend_csr(all.M, more.M);
+  extend(all.v_free, more.v_free);
+  extend(all.row_target, more.row_target);
+}
+
+template <class Real>
+constexpr Precision precision_of() {
+  return sizeof(Real) == sizeof(float) ? Precision::f32 : Precision::f64;
+}
+
 void refuse_factors(const ContactBatch<double>& batch) {
   if (batch.arrays().factor.empty()) return;
   throw Error(ErrorCode::unsupported,
@@ -108,30 +137,32 @@ std::vector<Offset> Recorder::choose(const std::vector<EnvStatus>& status) {
 void Recorder::require_same(const RecordedSolve& solve, Law law) const {
   if (!recording_.solve) return;
   const RecordedSolve& before = *recording_.solve;
-  const bool same = before.solver == solve.solver && before.precision == solve.precision &&
+  const bool same = before.form == solve.form && before.solver == solve.solver && before.precision == solve.precision &&
                     before.tolerance == solve.tolerance && before.omega == solve.omega &&
                     before.max_iterations == solve.max_iterations && before.stall_window == solve.stall_window &&
                     before.direct_rows == solve.direct_rows && before.islands == solve.islands &&
                     recording_.batch.law() == law;
   if (same) return;
   throw Error(ErrorCode::invalid_argument,
-              "the solver's options, law or precision are not those that " + path_.string() +
+              "the solver's options, law, form or precision are not those that " + path_.string() +
                   " was begun with: record solves of different kinds to files of their own");
 }
 
-void Recorder::append(const ContactBatch<double>& batch, const RecordedSolve& solve,
-                      const std::vector<Offset>& chosen) {
+void Recorder::append(const ContactBatch<double>& batch, const RecordedSolve& solve, const std::vector<Offset>& chosen,
+                      const Recording& dynamics) {
   Recording all = recording_;
   if (!all.solve) {
     all.batch = batch;
     all.source = "stiction " + std::string(kVersion) + ", recorded from a running solver";
     all.solve = solve;
+    copy_dynamics(all, dynamics);
   } else {
     const auto before = static_cast<std::size_t>(all.batch.row_count());
     const auto added = static_cast<std::size_t>(batch.row_count());
     all.batch = joined(all.batch, batch);
     extend(all.solve->lambda, solve.lambda);
     extend_optional(all.solve->warm_start, before, solve.warm_start, added, 0.0);
+    extend_dynamics(all, dynamics);
   }
   all.solve->left_out = left_out_;
   for (const Offset env : chosen) {
@@ -142,6 +173,28 @@ void Recorder::append(const ContactBatch<double>& batch, const RecordedSolve& so
   recording_ = std::move(all);
 }
 
+RecordedSolve Recorder::describe(const SolverOptions& options, Precision precision, RecordedForm form) const {
+  RecordedSolve solve;
+  solve.form = form;
+  solve.solver = options.solver;
+  solve.precision = precision;
+  solve.tolerance = options.tolerance;
+  solve.omega = options.omega;
+  solve.max_iterations = options.max_iterations;
+  solve.stall_window = options.stall_window;
+  solve.direct_rows = options.direct_rows;
+  solve.islands = options.islands;
+  solve.numerics_epoch = kNumericsEpoch;
+  return solve;
+}
+
+/// Tells the file how many there were no room for, where that has changed.
+void Recorder::count_left_out(Offset before) {
+  if (left_out_ == before || !recording_.solve) return;
+  recording_.solve->left_out = left_out_;
+  write_batch(path_, recording_);
+}
+
 template <class Real>
 Offset Recorder::take(const Solver& solver, const ContactBatchView<Real>& batch, const SolutionView<Real>& solution,
                       const Real* warm_start, StreamRef stream) {
@@ -150,18 +203,8 @@ Offset Recorder::take(const Solver& solver, const ContactBatchView<Real>& batch,
     storage.resize(at(count));
     solver.to_host(std::span(storage), source, batch.space, stream);
   };
-  const SolverOptions& options = solver.options();
-  RecordedSolve solve;
-  solve.solver = options.solver;
-  solve.precision = sizeof(Real) == sizeof(float) ? Precision::f32 : Precision::f64;
-  solve.tolerance = options.tolerance;
-  solve.omega = options.omega;
-  solve.max_iterations = options.max_iterations;
-  solve.stall_window = options.stall_window;
-  solve.direct_rows = options.direct_rows;
-  solve.islands = options.islands;
-  solve.numerics_epoch = kNumericsEpoch;
-  const Law law = options.law.value_or(batch.law);
+  RecordedSolve solve = describe(solver.options(), precision_of<Real>(), RecordedForm::matrix);
+  const Law law = solver.options().law.value_or(batch.law);
   require_same(solve, law);
 
   std::vector<EnvStatus> status;
@@ -170,11 +213,7 @@ Offset Recorder::take(const Solver& solver, const ContactBatchView<Real>& batch,
   const std::vector<Offset> chosen = choose(status);
   ++takes_;
   if (chosen.empty()) {
-    // The file says how many there were no room for.
-    if (left_out_ != left_out_before && recording_.solve) {
-      recording_.solve->left_out = left_out_;
-      write_batch(path_, recording_);
-    }
+    count_left_out(left_out_before);
     return 0;
   }
   const ContactBatch<Real> host = solver.to_host(batch, stream);
@@ -190,7 +229,40 @@ Offset Recorder::take(const Solver& solver, const ContactBatchView<Real>& batch,
   ContactBatch<double> picked = convert<double>(gather(host, std::span<const Offset>(chosen)));
   refuse_factors(picked);
   picked.set_law(law);
-  append(picked, solve, chosen);
+  append(picked, solve, chosen, {});
+  return static_cast<Offset>(chosen.size());
+}
+
+template <class Real>
+Offset Recorder::take(const Solver& solver, const JacobianBatchView<Real>& batch, const SolutionView<Real>& solution,
+                      const Real* warm_start, RecordedForm form) {
+  const ScopedFpEnv fp_env;
+  if (batch.space != MemorySpace::host)
+    throw Error(ErrorCode::invalid_argument, "the batch to be recorded is in device memory: copy it to the host");
+  RecordedSolve solve = describe(solver.options(), precision_of<Real>(), form);
+  const Law law = solver.options().law.value_or(batch.law);
+  require_same(solve, law);
+
+  const Offset left_out_before = left_out_;
+  const std::vector<Offset> chosen = choose(std::vector<EnvStatus>(solution.status, solution.status + batch.env_count));
+  ++takes_;
+  if (chosen.empty()) {
+    count_left_out(left_out_before);
+    return 0;
+  }
+  const ContactBatch<Real> host = assemble(batch, FactorUse::never);
+  const std::vector<Offset> first_row(batch.env_row_offsets, batch.env_row_offsets + batch.env_count + 1);
+  const auto rows = [&](const Real* values) {
+    return gather_rows(std::vector<Real>(values, values + batch.row_count), first_row, host.arrays().env_row_offsets,
+                       chosen);
+  };
+  solve.lambda = rows(solution.lambda);
+  if (warm_start != nullptr) solve.warm_start = rows(warm_start);
+  Recording dynamics;
+  keep_dynamics(dynamics, batch, std::span<const Offset>(chosen));
+  ContactBatch<double> picked = convert<double>(gather(host, std::span<const Offset>(chosen)));
+  picked.set_law(law);
+  append(picked, solve, chosen, dynamics);
   return static_cast<Offset>(chosen.size());
 }
 
@@ -198,5 +270,9 @@ template Offset Recorder::take(const Solver&, const ContactBatchView<float>&, co
                                StreamRef);
 template Offset Recorder::take(const Solver&, const ContactBatchView<double>&, const SolutionView<double>&,
                                const double*, StreamRef);
+template Offset Recorder::take(const Solver&, const JacobianBatchView<float>&, const SolutionView<float>&, const float*,
+                               RecordedForm);
+template Offset Recorder::take(const Solver&, const JacobianBatchView<double>&, const SolutionView<double>&,
+                               const double*, RecordedForm);
 
 }  // namespace stiction::io

@@ -101,8 +101,14 @@ std::vector<T> copied(const nb::dict& arrays, const char* name) {
   return std::vector<T>(first, first + array->size());
 }
 
-void write(const std::string& path, const ContactView& batch, const nb::dict& extras,
-           const std::vector<std::string>& env_name, const std::string& source) {
+void keep(io::Recording&, const ContactView&) {}
+void keep(io::Recording& recording, const JacobianView& batch) {
+  std::visit([&](const auto& view) { io::keep_dynamics(recording, on_host(view)); }, batch.view);
+}
+
+template <class View>
+void write(const std::string& path, const View& batch, const nb::dict& extras, const std::vector<std::string>& env_name,
+           const std::string& source) {
   io::Recording recording;
   recording.batch = packed(batch);
   recording.source = source;
@@ -112,6 +118,7 @@ void write(const std::string& path, const ContactView& batch, const nb::dict& ex
   recording.step = copied<std::int64_t>(extras, "step");
   recording.dt = copied<double>(extras, "dt");
   const nb::gil_scoped_release unlocked;
+  keep(recording, batch);
   io::write_batch(path, recording);
 }
 
@@ -130,19 +137,16 @@ class FailureFile {
         },
         batch.view);
   }
-  /// What was assembled from Jacobians on the way, with its matrix even where the solver kept a factor.
-  Offset take(const FormSolver& solver, const JacobianView& batch, const Outputs& out, const Array* warm_start) {
+  /// J and M, and what is assembled of them: its matrix even where the solver kept a factor.
+  Offset take(const FormSolver& solver, const JacobianView& batch, const Outputs& out, const Array* warm_start,
+              bool of_bodies) {
     return std::visit(
         [&]<class Real>(const JacobianBatchView<Real>& view) {
           const auto solution = solution_view<Real>(out, view.row_count, view.env_count);
           const Real* guess = guess_of<Real>(warm_start, view.row_count);
           const nb::gil_scoped_release unlocked;
-          const ContactBatch<Real> contacts = assemble(on_host(view), FactorUse::never);
-          std::vector<Real> lambda = rows_in_use(view, solution.lambda);
-          const std::vector<Real> start = guess != nullptr ? rows_in_use(view, guess) : std::vector<Real>{};
-          return recorder_.take(solver.contact(), contacts.view(),
-                                SolutionView<Real>{lambda.data(), nullptr, solution.status},
-                                guess != nullptr ? start.data() : nullptr);
+          return recorder_.take(solver.contact(), on_host(view), solution, guess,
+                                of_bodies ? io::RecordedForm::bodies : io::RecordedForm::jacobian);
         },
         batch.view);
   }
@@ -153,10 +157,14 @@ class FailureFile {
   io::Recorder recorder_;
 };
 
-template <class View>
-Offset take_failures(FailureFile& file, const FormSolver& solver, const View& batch, const Array* lambda,
+Offset take_matrices(FailureFile& file, const FormSolver& solver, const ContactView& batch, const Array* lambda,
                      const Array* status, const Array* warm_start) {
   return file.take(solver, batch, {lambda, nullptr, nullptr, status}, warm_start);
+}
+
+Offset take_jacobians(FailureFile& file, const FormSolver& solver, const JacobianView& batch, const Array* lambda,
+                      const Array* status, const Array* warm_start, bool of_bodies) {
+  return file.take(solver, batch, {lambda, nullptr, nullptr, status}, warm_start, of_bodies);
 }
 
 }  // namespace
@@ -164,14 +172,16 @@ Offset take_failures(FailureFile& file, const FormSolver& solver, const View& ba
 void bind_files(nb::module_& module) {
   const nb::class_<FileBatch> file_batch(module, "FileBatch", "Memory of a batch that was read from a file.");
   module.def("read", &read, nb::arg("path"), nb::arg("wide"), "(law, arrays, extras) of a batch file.");
-  module.def("write", &write, nb::arg("path"), nb::arg("batch"), nb::arg("extras"), nb::arg("env_name"),
+  module.def("write", &write<ContactView>, nb::arg("path"), nb::arg("batch"), nb::arg("extras"), nb::arg("env_name"),
              nb::arg("source"), "Writes a packed copy of a host batch.");
+  module.def("write", &write<JacobianView>, nb::arg("path"), nb::arg("batch"), nb::arg("extras"), nb::arg("env_name"),
+             nb::arg("source"), "Writes a packed copy of a host batch, with J and M.");
   nb::class_<FailureFile>(module, "FailureFile", "Environments that were not solved, with what replays them.")
       .def(nb::init<const std::string&, Offset>(), nb::arg("path"), nb::arg("most"))
-      .def("take", &take_failures<ContactView>, nb::arg("solver"), nb::arg("batch"), nb::arg("lambda_"),
-           nb::arg("status"), nb::arg("warm_start").none())
-      .def("take", &take_failures<JacobianView>, nb::arg("solver"), nb::arg("batch"), nb::arg("lambda_"),
-           nb::arg("status"), nb::arg("warm_start").none())
+      .def("take", &take_matrices, nb::arg("solver"), nb::arg("batch"), nb::arg("lambda_"), nb::arg("status"),
+           nb::arg("warm_start").none())
+      .def("take", &take_jacobians, nb::arg("solver"), nb::arg("batch"), nb::arg("lambda_"), nb::arg("status"),
+           nb::arg("warm_start").none(), nb::arg("of_bodies") = false)
       .def_prop_ro("recorded", &FailureFile::recorded)
       .def_prop_ro("left_out", &FailureFile::left_out);
 }

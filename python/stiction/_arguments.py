@@ -14,7 +14,7 @@ def whole(name, value, most=_MOST):
     """An int that the library's 32 bits hold, or up to `most`. A float that is whole is taken: 1e4 is how people write
     it. Whether the value is sensible is the library's to say.
     """
-    if isinstance(value, float) and value.is_integer():
+    if isinstance(value, (float, np.floating)) and value.is_integer():
         value = int(value)
     try:
         value = operator.index(value)

@@ -30,6 +30,9 @@ def look(name, obj):
                             f"{name}.astype({obj.dtype.newbyteorder('=').name!r})")
         if obj.dtype.names is not None and obj.dtype == STATUS_DTYPE:
             obj = status_bytes(obj)
+        if obj.dtype == np.longdouble and np.dtype(np.longdouble).itemsize > 8:
+            raise TypeError(f"{name}: expected float32 or float64, got {obj.dtype} (numpy.longdouble), which no solver "
+                            f"computes with: give {name}.astype('float64')")
     elif getattr(obj, "requires_grad", False):
         raise TypeError(f"{name}: expected an array without a gradient, got one that requires it: give {name}.detach()")
     try:

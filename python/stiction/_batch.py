@@ -10,6 +10,8 @@ from . import _core
 from ._arguments import each_count, each_not_negative, number, spread_over, whole
 from ._arrays import FLOATS, NUMPY, as_numpy, framework_of, look, take
 from ._batch_arrays import BatchArrays
+from ._body_rows import jacobian_arguments
+from ._jacobian_bodies import JacobianBodies
 from ._layout import Flat, Padded, offsets_of
 from ._lists import join_jacobians, join_matrices
 from ._policy import Accuracy
@@ -259,7 +261,7 @@ class Batch(BatchArrays):
             self._numbers("J", J, ("entries",))
             self._given("row_offsets", "indptr", indptr, "int64", (self.layout.row_count + 1,))
             self._given("column", "indices", indices, "int32", (self._seen["J"].size,))
-        self.mass_block = int(mass_block or 0)
+        self.mass_block = 0 if mass_block is None else whole("mass_block", mass_block)
         entries = dofs * (self.mass_block or dofs)
         self._numbers("M", M, (int(entries.sum()),))
         self._integers({"env_mass_offsets": offsets_of(entries)})
@@ -339,14 +341,30 @@ class Batch(BatchArrays):
                        spread(each_count("accuracy.max_iterations", accuracy.max_iterations)))
         self._views = {}
 
+    def as_jacobian(self) -> Batch:
+        """The contacts of a host batch of bodies as rows of J and M: normal, two tangents, six degrees of freedom a body. The
+        arrays are copies. Impulses of contacts are reactions of these rows, in that order. What nothing can move has no
+        entries, a mass of 1, and its motion in `target`. Raises ValueError for substeps, and for a limit of contacts
+        that leaves some out.
+        """
+        if self.form != "bodies":
+            raise ValueError(f"as_jacobian: expected a batch of form 'bodies', got {self.form!r}")
+        if self.device != "cpu":
+            raise ValueError(f"as_jacobian: expected a batch on cpu, got one on {self.device}: copy its arrays to the host")
+        arrays, options = jacobian_arguments(self)
+        return Batch.from_jacobian(*arrays, **options)
+
     def save(self, path: str | os.PathLike) -> None:
         """Writes the batch to a contact-batch file, in float64 and without room between environments; also the
-        reference, names and contact ids it was read with.
+        reference, names and contact ids it was read with. A file of J and M holds A as well. Of bodies it holds what
+        as_jacobian() makes of them.
         """
-        if self.form != "delassus":
-            raise ValueError(f"save: expected a batch of form 'delassus', got {self.form!r}")
         if self.device != "cpu":
             raise ValueError(f"save: expected a batch on cpu, got one on {self.device}: copy its arrays to the host")
+        if self.form == "bodies":
+            self.as_jacobian().save(path)
+            return
+        self._refresh()
         kept = {name: _core.Array(value) for name, value in self.extras.items()
                 if name in ("lambda_ref", "cone_id", "step", "dt")}
         _core.write(os.fspath(path), self._view(False), kept, self.extras.get("env_name", []),
@@ -367,33 +385,3 @@ def _law(law, known=("convex", "coulomb")):
     if law not in known:
         raise ValueError(f"law: expected {', '.join(map(repr, known[:-1]))} or {known[-1]!r}, got {law!r}")
     return law
-
-
-class JacobianBodies:
-    """What `Batch.as_bodies` found. `batch` is of form "bodies". Its step is 1, so that its velocities are those of the
-    batch of J and M, and its cfm is R.
-    """
-
-    def __init__(self, batch: Batch):
-        self._found = _core.JacobianBodies(batch._view(False))
-        self._dtype = batch.dtype
-        arrays = self._found.arrays()
-        for name, width in (("inv_inertia", 6), ("twist", 6), ("twist_change", 6), ("arm_a", 3), ("arm_b", 3),
-                            ("normal", 3)):
-            arrays[name] = arrays[name].reshape(-1, width)
-        dt, erp, cfm = self._found.stepping
-        self.batch = Batch.from_bodies(**arrays, law=batch.law, dt=dt, erp=erp, cfm=cfm)
-
-    def to_rows(self, by_contact) -> np.ndarray:
-        """Impulses or motions of contacts, (contacts, 3), in the rows of J, (rows,)."""
-        return self._turn(self._found.to_rows, by_contact, (-1,))
-
-    def to_contacts(self, by_row) -> np.ndarray:
-        """Rows of J, (rows,), as impulses or motions of contacts, (contacts, 3): the inverse of `to_rows`."""
-        return self._turn(self._found.to_contacts, by_row, (-1, 3))
-
-    def _turn(self, turn, values, shape):
-        values = np.ascontiguousarray(values, self._dtype)
-        out = np.empty(values.size, self._dtype)
-        turn(_core.Array(values), _core.Array(out))
-        return out.reshape(shape)

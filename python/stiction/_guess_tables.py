@@ -6,6 +6,8 @@ import os
 
 import numpy as np
 
+from ._arguments import whole
+
 #: Version of files of tables.
 _VERSION = 1
 
@@ -34,7 +36,7 @@ class Ridge:
         if not regularisation > 0:
             raise ValueError(f"regularisation: expected a number > 0, got {regularisation}")
         self.regularisation, self.samples = float(regularisation), float(samples)
-        self.max_rows, self.max_topologies = int(max_rows), int(max_topologies)
+        self.max_rows, self.max_topologies = whole("max_rows", max_rows), whole("max_topologies", max_topologies)
         self.frozen = False
         self._tables = {}  # topology -> float32 (rows, features)
         self._sums = {}    # topology -> [samples, features' products, features with reactions, samples of the table]

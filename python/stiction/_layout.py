@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from ._arguments import whole
 from ._arrays import as_numpy, take
 
 #: Kinds of cones, by name; the numbers are those of batch files.
@@ -32,7 +33,7 @@ def cone_list(name, cones, rows):
         if kind not in KINDS:
             raise ValueError(f"{name}: expected kinds of {', '.join(KINDS)}, got {kind!r}")
         kinds.append(KINDS[kind])
-        dims.append(int(dim))
+        dims.append(whole(f"{name}: rows of {kind}", dim))
     return np.array(kinds, np.uint8), np.array(dims, np.int64)
 
 

@@ -224,6 +224,19 @@ def write_states(nefc: wp.array[int], row_count: wp.array[int], efc_type: wp.arr
 
 
 @wp.kernel
+def judge_numbers(qacc: wp.array2d[float], solved: int, numerical: int,
+                  # outputs
+                  status: wp.array2d[int]):
+    """Takes `solved` from a world whose accelerations are no numbers: without rows it would be, whatever they are."""
+    world = wp.tid()
+    finite = bool(True)
+    for i in range(qacc.shape[1]):
+        finite = finite and wp.isfinite(qacc[world, i])
+    if not finite and (status[world, 6] & 255) == solved:
+        status[world, 6] = (status[world, 6] & ~255) | numerical
+
+
+@wp.kernel
 def write_counts(status: wp.array2d[int], unfinished: int, more: bool,
                  # outputs
                  niter: wp.array[int], overflow: wp.array[int]):

@@ -9,8 +9,9 @@ from mujoco_warp._src import derivative, types
 from . import _mujoco_warp_kernels as kernels
 from ._arrays import STATUS_DTYPE, framework_of
 from ._batch import Batch
-from ._solution import Solution
+from ._solution import CODES, Solution
 
+_SOLVED, _NUMERICAL = CODES.index("solved"), CODES.index("numerical")
 #: What of MuJoCo Warp's overflow bits means that contacts are missing from a world's rows.
 _LOST = int(types.OverflowType.NJMAX_NNZ | types.OverflowType.CCD | types.OverflowType.HFIELD)
 
@@ -159,6 +160,7 @@ class Rows:
         """What follows from forces and accelerations. words: of the status of the solve that found them; more: its
         iterations add to those that are there."""
         model, data, efc = self.model, self.data, self.data.efc
+        self.launch(kernels.judge_numbers, data.nworld, [data.qacc, _SOLVED, _NUMERICAL], [words])
         self.launch(kernels.write_states, self._per_row,
                     [data.nefc, self.row_count, efc.type, efc.id, data.contact.dim, data.contact.efc_address,
                      self.friction, efc.frictionloss], [efc.force, efc.state])

@@ -149,7 +149,7 @@ class Solver(_SolverBase):
         Beside these, wide: room for double precision, the default; semidefinite: for cones of that kind, not by default.
     callback: called with a dict after every solve that is complete on return (stiction.monitor).
     record_failures: folder for environments that were not solved, as batch files for `stiction solve` and
-        `stiction replay`.
+        `stiction replay`. Those of J and M, and of bodies as such, are written with J and M from host memory alone.
     trace: collect where the time goes, for stats() and write_trace(); no bit depends on it.
 
     Copied or pickled, a solver is one made anew by the same arguments. Statistics and device memory stay behind.
@@ -206,6 +206,7 @@ class Solver(_SolverBase):
             self._statistics.keep(last.environments, time.perf_counter() - start, is_warm, out._raw)
             return out
         on_device = self._on_device(batch)
+        self._statistics.check(batch)
         handle = _streams.handle_of(stream, batch.framework, batch.device)
         batch._refresh()
         solution = Solution.empty(batch) if out is None else Solution.over(batch, out)

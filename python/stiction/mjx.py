@@ -21,10 +21,12 @@ from mujoco.mjx._src import solver as _theirs
 from . import jax as stiction_jax
 from ._arrays import STATUS_DTYPE
 from ._replaced import replaced
+from ._solution import CODES, SOLVED
 
 __all__ = ["solve", "step"]
 
 _KINDS = mujoco.mjtConstraint
+_NUMERICAL = CODES.index("numerical")
 _BOXES = int(_KINDS.mjCNSTR_FRICTION_DOF), int(_KINDS.mjCNSTR_FRICTION_TENDON)
 
 
@@ -42,7 +44,8 @@ def solve(model, data, *, solver="auto", tolerance=1e-5, max_iterations=1000):
     dims = collision_driver.make_condim(model)
     kinds = constraint.make_efc_type(model, dims)
     if not len(kinds) or not model.nv:
-        return _theirs.solve(model, data), jnp.zeros(STATUS_DTYPE.itemsize, jnp.uint8)
+        data = _theirs.solve(model, data)
+        return data, _judged(jnp.zeros(STATUS_DTYPE.itemsize, jnp.uint8), data.qacc)
     cones, places = _cones(kinds, dims, constraint.make_efc_address(model, dims, kinds))
     mu = jnp.zeros(len(kinds), efc.efc_D.dtype)
     for contact, row, dim in places:
@@ -55,8 +58,9 @@ def solve(model, data, *, solver="auto", tolerance=1e-5, max_iterations=1000):
     loss = jnp.where(np.isin(kinds, _BOXES), efc.efc_frictionloss, 0.0)
     force, _, status = stiction_jax.solve(A, b, mu, 1 / D, -loss, loss, cones=cones, law="convex", solver=solver,
                                           tolerance=tolerance, max_iterations=max_iterations)
-    return data.tree_replace({"qacc": data.qacc_smooth + push @ force, "qfrc_constraint": J.T @ force,
-                              "_impl.efc_force": force}), status
+    data = data.tree_replace({"qacc": data.qacc_smooth + push @ force, "qfrc_constraint": J.T @ force,
+                              "_impl.efc_force": force})
+    return data, _judged(status, data.qacc)
 
 
 def step(model, data, **options):
@@ -71,6 +75,13 @@ def step(model, data, **options):
     with replaced(_theirs, "solve", solve_and_keep):
         data = mjx.step(model, data)
     return data, statuses[-1]
+
+
+def _judged(status, qacc):
+    """The status of a world, which is not `solved` where its accelerations are no numbers."""
+    code = STATUS_DTYPE.fields["code"][1]
+    is_bad = ~jnp.all(jnp.isfinite(qacc)) & (status[code] == SOLVED)
+    return status.at[code].set(jnp.where(is_bad, _NUMERICAL, status[code]).astype(jnp.uint8))
 
 
 def _cones(kinds, dims, addresses):

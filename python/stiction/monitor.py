@@ -14,6 +14,7 @@ import numpy as np
 
 from . import _core
 from ._arrays import STATUS_DTYPE
+from ._body_rows import check as check_rows
 from ._flags import FLAGS, FlagCounts
 from ._progress import Progress  # noqa: F401
 from ._solution import CODES, SOLVED, solver_name
@@ -100,15 +101,26 @@ class _Statistics:
         self._recent = status[-WINDOW:]
 
     def _record(self, batch, solution, guess):
-        if batch.form == "bodies":
+        if batch.form != "delassus" and batch.device != "cpu":
             return
-        key = (batch.law, batch.dtype)
+        key = (batch.form, batch.law, batch.dtype)
         if key not in self._files:
             os.makedirs(self._folder, exist_ok=True)
-            path = os.path.join(self._folder, f"failures_{os.getpid()}_{id(self):x}_{batch.law}_{batch.dtype}.h5")
+            path = os.path.join(self._folder, f"failures_{os.getpid()}_{id(self):x}_{'_'.join(key)}.h5")
             self._files[key] = _core.FailureFile(path, _MOST_RECORDED)
-        self._files[key].take(self._solver._core, batch._view(self._solver.device == "emulated"),
-                              solution._seen["lambda_"], solution._seen["status"], guess)
+        rows = batch.as_jacobian() if batch.form == "bodies" else batch
+        view = rows._view(self._solver.device == "emulated" and batch.form != "bodies")
+        more = () if batch.form == "delassus" else (batch.form == "bodies",)
+        self._files[key].take(self._solver._core, view, solution._seen["lambda_"], solution._seen["status"], guess, *more)
+
+    def check(self, batch):
+        """Raises ValueError for a batch whose failures could not be written, before it is solved."""
+        if self._folder is None or batch.form != "bodies" or batch.device != "cpu":
+            return
+        try:
+            check_rows(batch)
+        except ValueError as error:
+            raise ValueError(f"record_failures: bodies are written as J and M; {error}") from None
 
     def stats(self):
         """The entries of Solver.stats()."""

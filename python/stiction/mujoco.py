@@ -10,16 +10,17 @@ docs/mujoco.md.
 """
 
 import contextlib
+import copy
 import time
 
 import mujoco
 import numpy as np
 
 from . import _core
-from ._arguments import each_count, each_not_negative, spread_over
+from ._arguments import each_count, each_not_negative, spread_over, whole
 from ._arrays import STATUS_DTYPE
-from ._batch import Batch
-from ._mujoco_data import Simulations, check_data, count_of, numbers_of, refuse
+from ._mujoco_batch import batch_of, gather, remade, take_answers
+from ._mujoco_data import Simulations, count_of, numbers_of, refuse
 from ._mujoco_derivative import pull
 from ._mujoco_hold import Held
 from ._mujoco_layout import LayoutError, address, handlers, layout, place_of
@@ -29,7 +30,6 @@ from ._solver import Solver
 
 __all__ = ["BatchedSimulation", "LayoutError", "gather"]
 
-_SMOOTH = ("mj_fwdPosition", "mj_fwdVelocity", "mj_fwdActuation", "mj_fwdAcceleration")
 _DISCRETE = getattr(mujoco.mjtIntegrator, "mjINT_DISCRETE", None)  # since 3.13
 
 
@@ -49,6 +49,9 @@ class BatchedSimulation:
     hold_failed: put a simulation back to its last good state where a step ends in NaN, or MuJoCo resets it for that.
         `failed` has their indices. Costs a copy of the states.
 
+    Copied deeply or pickled, it is one with a model and data of its own. It goes on with the bits of the first, unless
+    solves start from stored reactions (starts_from_reactions): the copy's next solve starts without.
+
     Attributes: model; data, a sequence of mujoco.MjData; solver. seconds is a dict of wall-clock seconds since the
     last `clear`. Its keys are "smooth" (MuJoCo up to the solve), "assemble" (rows into the batch), "solve" and
     "advance" (answers back, sensors, the integrator).
@@ -59,11 +62,13 @@ class BatchedSimulation:
 
     def __init__(self, model, n, *, solver="auto", tolerance=1e-6, max_iterations=1000, threads=0, warm_start=0.95,
                  hold_failed=False):
+        self._made_by = dict(solver=solver, tolerance=tolerance, max_iterations=max_iterations, threads=threads,
+                             warm_start=warm_start, hold_failed=hold_failed)
         self._model = model
         is_given = isinstance(n, (list, tuple, Simulations))
-        self._data = Simulations(model, n if is_given else [mujoco.MjData(model) for _ in range(n)])
+        self._data = Simulations(model, n if is_given else [mujoco.MjData(model) for _ in range(whole("n", n))])
         if not len(self._data):
-            raise ValueError("n: expected at least one simulation, got 0")
+            raise ValueError(f"n: expected at least one simulation, got {0 if is_given else n}")
         if not 0 <= float(warm_start) <= 1:
             raise ValueError(f"warm_start: expected a number in [0, 1], got {warm_start}")
         self._own = isinstance(solver, str) and solver == "mujoco"
@@ -87,7 +92,7 @@ class BatchedSimulation:
         self._plans = {}  # what a step is, as the core takes it
         self._active = None
         self._held = Held(model, len(self._data)) if hold_failed else None
-        self._metric = None
+        self._metric = self._limits = None
         # Sensors of accelerations and forces. MuJoCo's stages leave it to mj_forward to say that those are new.
         feels = (np.asarray(model.sensor_needstage) == int(mujoco.mjtStage.mjSTAGE_ACC)).any()
         self._sense = ("renew_forces", "mj_sensorAcc") if feels else ("mj_sensorAcc",)
@@ -96,6 +101,13 @@ class BatchedSimulation:
 
     def __len__(self):
         return len(self.data)
+
+    def __reduce__(self):
+        return remade, (type(self), self._model, list(self._data), self._made_by, self._limits, self._held)
+
+    def __deepcopy__(self, memo):
+        model, made_by, limits, held = copy.deepcopy((self._model, self._made_by, self._limits, self._held), memo)
+        return remade(type(self), model, self._data, made_by, limits, held)
 
     @property
     def model(self):
@@ -151,7 +163,7 @@ class BatchedSimulation:
             start = time.perf_counter()
             # Its own step: velocities by qacc, without damping once more.
             with self._options(disable=mujoco.mjtDisableBit.mjDSBL_EULERDAMP):
-                self._run(*self._sense, "mj_checkAcc", "mj_Euler")
+                self._run(*self._accept(), "mj_Euler")
             self.seconds["advance"] += time.perf_counter() - start
 
     def forward(self, active=None):
@@ -200,8 +212,9 @@ class BatchedSimulation:
         def spread(name, value, check):
             return [] if value is None else spread_over(name, check(name, value), len(self)).tolist()
 
-        self._core.limit(spread("tolerance", tolerance, each_not_negative),
-                         spread("max_iterations", max_iterations, each_count))
+        self._limits = (spread("tolerance", tolerance, each_not_negative),
+                        spread("max_iterations", max_iterations, each_count))
+        self._core.limit(*self._limits)
 
     # -- what the last solve did --------------------------------------------------------------------------------------
 
@@ -212,8 +225,13 @@ class BatchedSimulation:
 
     def batch(self):
         """The constraints of the last solve as a stiction.Batch in Jacobian form; copies. `extras` has lambda_, the
-        reactions, velocities, the accelerations, and cone_id."""
-        return _batch_of(_core.mujoco_arrays(self._core), self.model.nv)
+        reactions, velocities, the accelerations, and cone_id. With solver="mujoco" they are those that lie in `data`."""
+        if not self._own:
+            return batch_of(_core.mujoco_arrays(self._core), self.model.nv)
+        self._collect()
+        batch = batch_of(_core.mujoco_arrays(self._core), self.model.nv)
+        take_answers(batch, self.data, self.model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4)
+        return batch
 
     def pull(self, accelerations, forces=None, **options):
         """Pulls derivatives of a loss by the accelerations of the last solve back to what that solve was given. It is
@@ -279,23 +297,30 @@ class BatchedSimulation:
         finally:
             opt.ls_iterations, opt.disableflags = kept
 
-    def _smooth(self, check):
-        """The functions of MuJoCo up to the solve, of the first stage of a step."""
+    def _smooth(self, check, senses=True):
+        """The functions of MuJoCo up to the solve, of one stage of a step. RK4 has sensors in the first alone, and energies
+        in all: after a step data.energy is that of the last, as mj_step leaves it."""
         energy = bool(self.model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_ENERGY)
-        return (*(("mj_checkPos", "mj_checkVel") if check else ()), "mj_fwdPosition", "mj_sensorPos",
-                *(("mj_energyPos",) if energy else ()), "mj_fwdVelocity", "mj_sensorVel",
-                *(("mj_energyVel",) if energy else ()), "mj_fwdActuation", "mj_fwdAcceleration")
+        return (*(("mj_checkPos", "mj_checkVel") if check else ()), "mj_fwdPosition",
+                *(("mj_sensorPos",) if senses else ()), *(("mj_energyPos",) if energy else ()), "mj_fwdVelocity",
+                *(("mj_sensorVel",) if senses else ()), *(("mj_energyVel",) if energy else ()), "mj_fwdActuation",
+                "mj_fwdAcceleration")
+
+    def _accept(self):
+        """The functions of MuJoCo between the first solve of a step and its integrator."""
+        compares = bool(self.model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_FWDINV)
+        return (*self._sense, "mj_checkAcc", *(("mj_compareFwdInv",) if compares else ()))
 
     def _step_stages(self):
         """The solves of a step, and what simulations are taken through before and after each."""
         integrator = self.model.opt.integrator
         if integrator == mujoco.mjtIntegrator.mjINT_RK4:
-            smooth = (self._smooth(check=True), _SMOOTH, _SMOOTH, _SMOOTH)
-            on = ((*self._sense, "mj_checkAcc", "rk4_begin", "rk4_enter_1"), ("rk4_leave_1", "rk4_enter_2"),
+            smooth = (self._smooth(check=True), *[self._smooth(check=False, senses=False)] * 3)
+            on = ((*self._accept(), "rk4_begin", "rk4_enter_1"), ("rk4_leave_1", "rk4_enter_2"),
                   ("rk4_leave_2", "rk4_enter_3"), ("rk4_leave_3", "rk4_end"))
             return tuple(zip(smooth, on))
         name = "mj_Euler" if integrator == mujoco.mjtIntegrator.mjINT_EULER else "mj_implicit"
-        return ((self._smooth(check=True), (*self._sense, "mj_checkAcc", name)),)
+        return ((self._smooth(check=True), (*self._accept(), name)),)
 
     def _solves(self, key, stages, count=1):
         """Solves the constraints of all simulations that often, each taken through some stages before and some after. stages()
@@ -319,6 +344,14 @@ class BatchedSimulation:
             self.seconds[name] += seconds
         if not self._own:
             self._note(found[2], count * len(plan))
+
+    def _collect(self):
+        """Gathers what MuJoCo's own solver has solved."""
+        self._activate(None)
+        self._run("count")
+        self._core.gather(all=True)
+        if self.model.opt.integrator == _DISCRETE:
+            Metric(self.model).before(self._core, self.data)
 
     def _constrain_discretely(self, check):
         """Up to accelerations with integrator `discrete`, parts of whose metric mj_forward alone builds: it runs, with a
@@ -360,41 +393,3 @@ class BatchedSimulation:
 
     #: Statistics read this of what was solved.
     form = "mujoco"
-
-
-def gather(model, data, **options):
-    """The constraints of many mujoco.MjData of one model, as they lie there after mj_forward or mj_fwdAcceleration, as
-    one stiction.Batch in Jacobian form: accelerations and forces. options: of BatchedSimulation."""
-    places = list(data)
-    if not places:
-        raise ValueError("data: expected at least one mujoco.MjData, got none")
-    for i, one in enumerate(places):
-        check_data(model, i, one)
-    refuse(model)
-    core = _core.MujocoSimulations(layout(model, places[0]), address("mj_mulJacTVec"), address("mj_integratePos"),
-                                   handlers(), model._address, [one._address for one in places],
-                                   Solver(**options)._options, 0.0)
-    core.run([_core.mujoco_stages()["count"]])
-    core.gather(all=True)
-    return _batch_of(_core.mujoco_arrays(core), model.nv)
-
-
-def _batch_of(arrays, nv):
-    """A copy of the arrays of the C++ side. With M as a factor their degrees of freedom run backwards: in MuJoCo's order."""
-    factored = arrays.pop("factored")
-    arrays = {name: array.copy() for name, array in arrays.items()}
-    if factored:
-        for name in ("J", "v_free", "velocities"):
-            arrays[name] = np.ascontiguousarray(arrays[name].reshape(-1, nv)[:, ::-1]).reshape(-1)
-        factor = arrays["M"].reshape(-1, nv, nv)
-        arrays["M"] = np.ascontiguousarray((factor @ factor.transpose(0, 2, 1))[:, ::-1, ::-1]).reshape(-1)
-    else:  # its lower triangles alone were written
-        lower = np.tril(arrays["M"].reshape(-1, nv, nv))
-        arrays["M"] = (lower + np.tril(lower, -1).transpose(0, 2, 1)).reshape(-1)
-    dims = np.diff(arrays["cone_row_offsets"])
-    batch = Batch.from_jacobian(
-        arrays["J"], arrays["M"], arrays["v_free"], arrays["target"], kinds=arrays["kinds"], dims=dims,
-        offsets=arrays["offsets"], dof_offsets=arrays["dof_offsets"], mass_block=0, mu=arrays["mu"], R=arrays["R"],
-        lo=arrays["lo"], hi=arrays["hi"], law="convex")
-    batch.extras = {"cone_id": arrays["ids"], "lambda_": arrays["lambda_"], "velocities": arrays["velocities"]}
-    return batch

@@ -119,3 +119,17 @@ def test_other_implementations_are_refused():
 
     with pytest.raises(TypeError, match="expected mjx data of impl='jax', got object"):
         stiction.mjx.solve(None, Data())
+
+
+FALLING = """<mujoco><worldbody>{floor}<body pos="0 0 {height}"><freejoint/><geom size=".1" {contact}/></body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize("floor, contact", [('<geom type="plane" size="5 5 1"/>', ""), ("", 'contype="0" conaffinity="0"')],
+                         ids=["rows", "no rows"])
+def test_a_world_whose_motion_is_no_number_is_not_solved(floor, contact):
+    model = mujoco.MjModel.from_xml_string(FALLING.format(floor=floor, contact=contact, height=0.0995))
+    _, many = states(model, 3)
+    many = many.replace(qvel=many.qvel.at[1, 4].set(np.nan))
+    _, status = jax.jit(jax.vmap(solved, (None, 0)))(mjx.put_model(model), many)
+    codes = [stiction.CODES[code] for code in stiction.jax.status(status)["code"]]
+    assert codes[0] == codes[2] == "solved" and codes[1] == ("invalid_input" if floor else "numerical")

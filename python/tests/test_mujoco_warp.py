@@ -332,6 +332,24 @@ def test_what_would_be_solved_otherwise_is_refused():
         drop_in.solve(m, d)
 
 
+@pytest.mark.parametrize("height", [0.0999, 2], ids=["rows", "no rows"])
+@pytest.mark.parametrize("dof", [0, 7])
+def test_a_world_whose_motion_is_no_number_is_not_solved(height, dof):
+    model = mujoco.MjModel.from_xml_string(
+        f'<mujoco><worldbody><geom type="plane" size="5 5 1"/><body pos="0 0 {height}"><freejoint/>'
+        '<geom type="box" size=".1 .1 .1"/></body><body pos="0 3 2"><freejoint/><geom size=".1"/></body></worldbody></mujoco>')
+    m, d = worlds_of(model, [disturbed(model, 0, steps=0, speed=0)] * 3)
+    qvel = np.zeros((3, model.nv), np.float32)
+    qvel[1, dof] = np.nan
+    d.qvel.assign(qvel)
+    mujoco_warp.forward(m, d)
+    solution = drop_in.solve(m, d)
+    assert (d.nefc.numpy() > 0).all() == (height < 1)
+    assert solution.solved.tolist() == [True, False, True]
+    if height == 2:
+        assert stiction.CODES[solution.status["code"][1]] == "numerical"
+
+
 def test_a_model_without_room_for_rows_moves_freely():
     model = mujoco.MjModel.from_xml_string(
         '<mujoco><option><flag contact="disable"/></option><worldbody><body><freejoint/><geom size=".1"/></body>'

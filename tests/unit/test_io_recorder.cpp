@@ -279,5 +279,105 @@ TEST_F(RecorderTest, WhatDoesNotBelongTogetherIsRefused) {
   message_of(ErrorCode::invalid_argument, [&] { write_batch(at("b.h5"), bad); });
 }
 
+/// Two environments of J and M, of unlike sizes, and what npgs makes of them in three iterations.
+template <class Real>
+struct Hinged {
+  explicit Hinged(MassForm form = MassForm::matrix, Index block = 0) : batch(Law::coulomb, form, block) {
+    for (const Index contacts : {2, 1}) {
+      JacobianEnvironment<Real> env;
+      const Index rows = 3 * contacts, dofs = 3 * contacts + 3, width = block == 0 ? dofs : block;
+      for (Index i = 0; i < contacts; ++i) env.cones.push_back({ConeKind::friction, 3, -1});
+      for (Index i = 0; i < rows * dofs; ++i) env.J.push_back(static_cast<Real>((i * 7 + 3) % 11 - 5) / Real(4));
+      for (Index i = 0; i < dofs; ++i)
+        for (Index j = 0; j < width; ++j)
+          env.M.push_back(i % width == j ? Real(2 + i) : i % width > j ? Real(0.25) : Real(9));
+      for (Index i = 0; i < dofs; ++i) env.v_free.push_back(Real(-1) + static_cast<Real>(i) / Real(3));
+      for (Index i = 0; i < rows; ++i) env.target.push_back(static_cast<Real>(i) / Real(8));
+      env.R.assign(static_cast<std::size_t>(rows), Real(0.125));
+      env.mu.assign(static_cast<std::size_t>(rows), Real(0.5));
+      batch.add(env);
+    }
+    found = stiction::solve(batch, solver_options());
+  }
+  static SolverOptions solver_options() { return options(SolverKind::npgs, 0, 3); }
+  SolutionView<Real> view() { return {found.contact.lambda.data(), nullptr, found.contact.status.data()}; }
+
+  JacobianBatch<Real> batch;
+  JacobianSolution<Real> found;
+};
+
+template <class Real>
+void expect_replays_from_jacobians(const std::filesystem::path& path) {
+  const Recording file = read_batch(path);
+  ASSERT_EQ(file.solve->form, RecordedForm::jacobian);
+  const auto again = stiction::solve(jacobian_batch<Real>(file), Hinged<Real>::solver_options());
+  const std::vector<Real> then(file.solve->lambda.begin(), file.solve->lambda.end());
+  expect_same_bits(again.contact.lambda, then, "lambda");
+}
+
+TEST_F(RecorderTest, JacobiansAreRecordedAndSolvedAgainFromThem) {
+  for (const Index block : {0, 1, 3}) {
+    Hinged<double> wide(MassForm::matrix, block);
+    Hinged<float> narrow(MassForm::matrix, block);
+    const Solver solver(Device::cpu(), Hinged<double>::solver_options());
+    Recorder recorder(at("wide.h5"), {RecordWhen::always, 3, {}}), other(at("narrow.h5"), {RecordWhen::failed, 9, {}});
+    EXPECT_EQ(recorder.take(solver, wide.batch.view(), wide.view()), 2);
+    EXPECT_EQ(recorder.take(solver, wide.batch.view(), wide.view()), 1);
+    EXPECT_EQ(recorder.left_out(), 1);
+    EXPECT_EQ(other.take(solver, narrow.batch.view(), narrow.view()), 2);
+    expect_replays_from_jacobians<double>(at("wide.h5"));
+    expect_replays_from_jacobians<float>(at("narrow.h5"));
+    const Recording file = read_batch(at("wide.h5"));
+    EXPECT_EQ(file.env_dof_offsets, (std::vector<Offset>{0, 9, 15, 24}));
+    EXPECT_EQ(file.row_target[7], 0.125);
+    EXPECT_EQ(file.batch.law(), Law::coulomb);
+  }
+}
+
+TEST_F(RecorderTest, AFactorOfMIsMultipliedOut) {
+  const Hinged<double> as_factor(MassForm::factor);
+  Recording recording;
+  recording.batch = assemble(as_factor.batch.view(), FactorUse::never);
+  keep_dynamics(recording, as_factor.batch.view());
+  // L has 2 + i on its diagonal and 0.25 below it, whatever stands above.
+  EXPECT_EQ(recording.M.val[0], 4.0);
+  EXPECT_EQ(recording.M.val[1], 2.0 * 0.25);
+  EXPECT_EQ(recording.M.val[10], 9.0 + 0.0625);
+  write_batch(at("b.h5"), recording);
+  const auto again = stiction::solve(jacobian_batch<double>(read_batch(at("b.h5"))), Hinged<double>::solver_options());
+  for (std::size_t i = 0; i < again.contact.lambda.size(); ++i)
+    EXPECT_NEAR(again.contact.lambda[i], as_factor.found.contact.lambda[i], 1e-12);
+}
+
+TEST_F(RecorderTest, ChosenEnvironmentsKeepTheirJacobians) {
+  const Hinged<double> hinged;
+  Recording recording;
+  const std::vector<Offset> second{1};
+  keep_dynamics(recording, hinged.batch.view(), std::span<const Offset>(second));
+  EXPECT_EQ(recording.env_dof_offsets, (std::vector<Offset>{0, 6}));
+  EXPECT_EQ(recording.J.ptr, (std::vector<Offset>{0, 6, 12, 18}));
+  EXPECT_EQ(recording.J.val[0], (3 % 11 - 5) / 4.0);
+  const std::vector<Offset> none{2};
+  message_of(ErrorCode::invalid_argument,
+             [&] { keep_dynamics(recording, hinged.batch.view(), std::span<const Offset>(none)); });
+  auto view = hinged.batch.view();
+  view.space = MemorySpace::cuda;
+  message_of(ErrorCode::invalid_argument, [&] { keep_dynamics(recording, view); });
+}
+
+TEST_F(RecorderTest, FormsAreNotMixedAndReadAgain) {
+  Hinged<double> hinged;
+  const Solver solver(Device::cpu(), Hinged<double>::solver_options());
+  Recorder recorder(at("r.h5"), {RecordWhen::always, 9, {}});
+  const double* const cold = nullptr;
+  recorder.take(solver, hinged.batch.view(), hinged.view(), cold, RecordedForm::bodies);
+  EXPECT_EQ(read_batch(at("r.h5")).solve->form, RecordedForm::bodies);
+  const std::string before = bytes_of(at("r.h5"));
+  message_of(ErrorCode::invalid_argument, [&] { recorder.take(solver, hinged.batch.view(), hinged.view()); });
+  const ContactBatch<double> contacts = assemble(hinged.batch.view(), FactorUse::never);
+  message_of(ErrorCode::invalid_argument, [&] { recorder.take(solver, contacts.view(), hinged.view()); });
+  EXPECT_EQ(bytes_of(at("r.h5")), before);
+}
+
 }  // namespace
 }  // namespace stiction::io::test

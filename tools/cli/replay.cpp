@@ -44,6 +44,12 @@ const io::RecordedSolve& recorded_solve(const ReplayArguments& arguments, const 
         fmt::format("{}: recorded in numerics epoch {}, this build is of epoch {}: bits are the same within one "
                     "epoch only",
                     arguments.recording.string(), recording.solve->numerics_epoch, kNumericsEpoch));
+  if (recording.solve->form == io::RecordedForm::bodies)
+    throw Error(
+        ErrorCode::unsupported,
+        fmt::format("{}: solved as bodies, of which the file holds J and M: their solvers are called by stiction "
+                    "solve --form bodies",
+                    arguments.recording.string()));
   return *recording.solve;
 }
 
@@ -70,11 +76,19 @@ void print_difference(const io::Recording& recording, const io::RecordedSolve& r
 }
 
 template <class Real>
+Solution<Real> solve_again(const io::Recording& recording, const io::RecordedSolve& recorded,
+                           const SolverOptions& options, Device device) {
+  const std::vector<Real> warm_start = in_precision<Real>(recorded.warm_start);
+  if (recorded.form == io::RecordedForm::matrix)
+    return solve(convert<Real>(recording.batch), options, device, std::span<const Real>(warm_start));
+  return solve(io::jacobian_batch<Real>(recording), options, device, std::span<const Real>(warm_start)).contact;
+}
+
+template <class Real>
 int replay(const ReplayArguments& arguments, const io::Recording& recording, const io::RecordedSolve& recorded) {
   const Device device = Device::from_string(arguments.device);
   const std::vector<Real> then = in_precision<Real>(recorded.lambda);
-  const Solution<Real> answer = solve(convert<Real>(recording.batch), options_of(recorded, arguments.threads), device,
-                                      std::span<const Real>(in_precision<Real>(recorded.warm_start)));
+  const Solution<Real> answer = solve_again<Real>(recording, recorded, options_of(recorded, arguments.threads), device);
   const auto& offsets = recording.batch.arrays().env_row_offsets;
   const auto part = [&](const std::vector<Real>& values, std::size_t env) {
     const auto begin = static_cast<std::size_t>(offsets[env]), end = static_cast<std::size_t>(offsets[env + 1]);

@@ -54,7 +54,7 @@ class MujocoVectorEnv(VectorEnv):
             raise ValueError(f"cone: expected 'pyramidal' or 'elliptic', got {cone!r}")
         if shard is not None and num_envs not in (None, shard.num_envs):
             raise ValueError(f"num_envs: expected the shard's {shard.num_envs} or none, got {num_envs}")
-        num_envs = shard.num_envs if shard is not None else 1 if num_envs is None else num_envs
+        num_envs = shard.num_envs if shard is not None else 1 if num_envs is None else whole("num_envs", num_envs)
         if whole("max_episode_steps", max_episode_steps) < 1:
             raise ValueError(f"max_episode_steps: expected at least 1, got {max_episode_steps}")
         known = TASKS[name].__dataclass_fields__

@@ -25,8 +25,12 @@ struct Csr {
   std::vector<double> val;  ///< value                             (nnz)
 };
 
+/// What a solver was given: matrices, J and M, or bodies.
+enum class RecordedForm : std::uint8_t { matrix, jacobian, bodies };
+
 /// How recorded environments were solved: what it takes to get the same bits again. The law is the batch's.
 struct RecordedSolve {
+  RecordedForm form = RecordedForm::matrix;
   SolverKind solver = SolverKind::npgs;
   Precision precision = Precision::f64;  ///< of the solve; f32 numbers are widened exactly in memory
   double tolerance = 0, omega = 1;
@@ -75,6 +79,13 @@ Recording read_batch(const std::filesystem::path& path);
 /// that is not there.
 template <class Real>
 JacobianBatch<Real> jacobian_batch(const Recording& recording, std::span<const Offset> order = {});
+
+/// Keeps J, M, v_free and the target of a host batch in a recording, f32 widened exactly. M given as a factor is
+/// multiplied out, which rounds. `environments` are those that the recording's batch has, by number; none: all of them.
+/// \throws Error(invalid_argument) if the batch is in device memory or `environments` names one that is not there
+template <class Real>
+void keep_dynamics(Recording& recording, const JacobianBatchView<Real>& batch,
+                   std::span<const Offset> environments = {});
 
 /// Writes a contact batch: to a temporary file beside `path` that is renamed when complete.
 /// \throws Error(invalid_argument) if an optional part's length does not fit the batch, Error(io)

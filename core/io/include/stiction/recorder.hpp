@@ -35,6 +35,13 @@ class Recorder {
   Offset take(const Solver& solver, const ContactBatchView<Real>& batch, const SolutionView<Real>& solution,
               const Real* warm_start = nullptr, StreamRef stream = StreamRef::default_stream());
 
+  /// As above, of a host batch of J and M and the reactions of its rows. The file also gets J, M, v_free and the
+  /// target. form: jacobian, or bodies where the rows are those of a batch of bodies that `solver` was given.
+  /// \throws Error(invalid_argument) as above, and for a batch in device memory; Error(io).
+  template <class Real>
+  Offset take(const Solver& solver, const JacobianBatchView<Real>& batch, const SolutionView<Real>& solution,
+              const Real* warm_start = nullptr, RecordedForm form = RecordedForm::jacobian);
+
   /// Environments in the file.
   [[nodiscard]] Offset recorded() const noexcept { return recording_.batch.env_count(); }
   /// Environments that should have been recorded and found no room.
@@ -43,7 +50,10 @@ class Recorder {
  private:
   [[nodiscard]] std::vector<Offset> choose(const std::vector<EnvStatus>& status);
   void require_same(const RecordedSolve& solve, Law law) const;
-  void append(const ContactBatch<double>& batch, const RecordedSolve& solve, const std::vector<Offset>& chosen);
+  void append(const ContactBatch<double>& batch, const RecordedSolve& solve, const std::vector<Offset>& chosen,
+              const Recording& dynamics);
+  [[nodiscard]] RecordedSolve describe(const SolverOptions& options, Precision precision, RecordedForm form) const;
+  void count_left_out(Offset before);
 
   std::filesystem::path path_;
   RecorderOptions options_;
