@@ -1,5 +1,9 @@
 #include "core/algorithm/solver/pgs.hpp"
 #include "core/algorithm/sweep/local_solve.hpp"
+#include "core/algorithm/sweep/uneven_friction.hpp"
+
+#include <algorithm>
+#include <cmath>
 
 #include <gtest/gtest.h>
 
@@ -138,6 +142,82 @@ TEST(LocalSolve, AProximalPointAddsDeSaxcesTermUnderCoulombsLawOnly) {
   proximal_point<Law::coulomb>(ConeShape<ConeKind::friction, 3>{}, coulomb, y, 1.0, 0.0, 0.0);
   // z = (1 - 5, -3, -4): half of -4 + 5.
   EXPECT_EQ(coulomb[0], 0.5);
+}
+
+/// How far x is from a law on a cone with the given mu, in the unit of w. The nearer counts of sticking and of sliding
+/// against the direction of x.
+template <int M>
+double distance_from_law(Law law, const double (&B)[M][M], const double (&b)[M], const double (&mu)[M],
+                         const double (&x)[M]) {
+  double pull = 0;
+  for (int k = 1; k < M; ++k) pull += x[k] * x[k];
+  pull = std::sqrt(pull);
+  double w[M], slip[M], sticks = 0, along = 0, square = 0;
+  for (int i = 0; i < M; ++i) {
+    w[i] = b[i];
+    for (int j = 0; j < M; ++j) w[i] += B[i][j] * x[j] / mu[i];
+    if (i == 0) {
+      slip[i] = law == Law::convex ? 1 : 0;
+    } else {
+      slip[i] = pull > 0 ? -x[i] / pull / mu[i] : 0;
+    }
+    sticks += w[i] * w[i];
+    along += slip[i] * w[i];
+    square += slip[i] * slip[i];
+  }
+  const double speed = square > 0 ? std::max(0.0, along / square) : 0;
+  double slides = (pull - x[0]) * (pull - x[0]);
+  for (int i = 0; i < M; ++i) slides += (w[i] - speed * slip[i]) * (w[i] - speed * slip[i]);
+  const double outside = std::max(0.0, pull - x[0]);
+  return std::sqrt(std::min(sticks, slides)) + outside;
+}
+
+/// The distance after 50 steps of one contact whose last axes have friction of their own, in the given precision.
+template <class Real, int M>
+double distance_after_steps(Law law, double own, int own_axes) {
+  const double motion[] = {-9.81, 0.3, 0.2, 0.01, 0.02, -0.01};
+  double mu[M], b[M], B[M][M];
+  UnevenCone<Real, M> cone;
+  for (int i = 0; i < M; ++i) {
+    mu[i] = i >= M - own_axes ? own : 1;
+    b[i] = motion[i];
+  }
+  for (int i = 0; i < M; ++i)
+    for (int j = 0; j < M; ++j) {
+      B[i][j] = (i == j ? 1 : 0.15) * mu[i] * mu[j];
+      cone.block[i][j] = static_cast<Real>(B[i][j]);
+    }
+  Real x[M] = {};
+  cone.inv_n = cone.inv_t = cone.omega = Real(1);
+  for (int step = 0; step < 50; ++step) {
+    Real d[M];
+    for (int i = 0; i < M; ++i) {
+      cone.x[i] = x[i];
+      cone.y[i] = static_cast<Real>(b[i] * mu[i]);
+      for (int j = 0; j < M; ++j) cone.y[i] = fma_(cone.block[i][j], x[j], cone.y[i]);
+    }
+    if (law == Law::coulomb) {
+      uneven_coulomb_step(cone, d);
+    } else {
+      uneven_convex_step(cone, d);
+    }
+    for (int i = 0; i < M; ++i) x[i] = x[i] + d[i];
+  }
+  double end[M];
+  for (int i = 0; i < M; ++i) end[i] = static_cast<double>(x[i]);
+  return distance_from_law<M>(law, B, b, mu, end) / 9.81;
+}
+
+TEST(LocalSolve, AxesOfAnyFrictionReachTheirLawInFiftySteps) {
+  for (const Law law : {Law::coulomb, Law::convex})
+    for (double own = 1e-6; own < 2e6; own *= 10) {
+      EXPECT_LT((distance_after_steps<double, 3>(law, own, 1)), 1e-12) << own;
+      EXPECT_LT((distance_after_steps<double, 4>(law, own, 1)), 1e-12) << own;
+      EXPECT_LT((distance_after_steps<double, 6>(law, own, 3)), 1e-12) << own;
+      EXPECT_LT((distance_after_steps<float, 3>(law, own, 1)), 1e-6) << own;
+      EXPECT_LT((distance_after_steps<float, 4>(law, own, 1)), 1e-6) << own;
+      EXPECT_LT((distance_after_steps<float, 6>(law, own, 3)), 1e-6) << own;
+    }
 }
 
 }  // namespace

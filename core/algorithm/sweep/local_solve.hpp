@@ -2,6 +2,7 @@
 
 #include "core/algorithm/problem/cone_projection.hpp"
 #include "core/algorithm/problem/cone_shape.hpp"
+#include "core/algorithm/sweep/uneven_friction.hpp"
 #include "core/base/strided.hpp"
 
 /// One cone's step from its current x and motion y, in the solver's coordinates (docs/math/local_solve.md).
@@ -167,11 +168,49 @@ struct FrictionConeStep {
   template <int M, class System>
   static STICTION_HD auto of(const System& s, Index cone, Index row, const typename System::Real (&y)[M],
                              typename System::Real omega) {
+    using Real = typename System::Real;
+    ConeStep<Real, M> step = even<M>(s, cone, row, y, omega);
+    if constexpr (M > 2) {
+      const auto uneven = is_uneven<M>(s, row);
+      if (any(uneven)) {
+        const UnevenCone<Real, M> read = uneven_cone<M>(s, cone, row, y, omega);
+        Real own[M];
+        if constexpr (kLaw == Law::coulomb) {
+          uneven_coulomb_step(read, own);
+        } else {
+          uneven_convex_step(read, own);
+        }
+        for (int k = 0; k < M; ++k) step.d[k] = select(uneven, own[k], step.d[k]);
+      }
+    }
+    return step;
+  }
+
+  /// The step of a cone whose axes are alike.
+  template <int M, class System>
+  static STICTION_HD auto even(const System& s, Index cone, Index row, const typename System::Real (&y)[M],
+                               typename System::Real omega) {
     if constexpr (kLaw == Law::coulomb) {
       return coulomb_step<M>(s, cone, row, y, omega);
     } else {
       return convex_step<M>(s, cone, row, y, omega);
     }
+  }
+
+  template <int M, class System>
+  static STICTION_HD auto uneven_cone(const System& s, Index cone, Index row, const typename System::Real (&y)[M],
+                                      typename System::Real omega) {
+    using Real = typename System::Real;
+    UnevenCone<Real, M> read;
+    for (int i = 0; i < M; ++i) {
+      read.x[i] = s.x[row + i];
+      read.y[i] = y[i];
+      for (int j = 0; j < M; ++j) read.block[i][j] = s.block_entry(row, i, j);
+    }
+    read.inv_n = s.inv_n[cone];
+    read.inv_t = s.inv_t[cone];
+    read.omega = omega;
+    return read;
   }
 };
 
