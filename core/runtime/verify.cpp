@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <string>
@@ -42,7 +43,7 @@ class Islands {
 
 /// Room for one environment, kept from one to the next.
 struct Scratch {
-  std::vector<double> lambda, w, diagonal, velocity, error, scale;
+  std::vector<double> lambda, w, diagonal, largest, velocity, error, scale;
   std::vector<std::size_t> cone_of;  ///< of each row
   Islands islands;
 };
@@ -81,13 +82,14 @@ void find_islands(const ContactBatchView<Real>& batch, Offset env, Scratch& scra
   }
 }
 
-/// w = (A + diag R) lambda + b in stored order, and the diagonal of A + R.
+/// w = (A + diag R) lambda + b in stored order, the diagonal of A + R and each row's largest entry.
 template <class Real>
 void find_motion(const ContactBatchView<Real>& batch, Offset env, Scratch& scratch) {
   const Offset first_row = batch.env_row_offsets[env];
   const auto rows = static_cast<std::size_t>(batch.env_rows(env));
   scratch.w.resize(rows);
   scratch.diagonal.resize(rows);
+  scratch.largest.assign(rows, 0.0);
   // A = Y Y': the motion of a row is Y times the velocity Y' lambda.
   const auto dofs = static_cast<std::size_t>(batch.env_dofs(env));
   const Real* factor = dofs == 0 ? nullptr : batch.factor + batch.factor_offsets[env];
@@ -107,6 +109,7 @@ void find_motion(const ContactBatchView<Real>& batch, Offset env, Scratch& scrat
       const auto entry = static_cast<double>(batch.A[batch.row_offsets[row] + k]);
       w += entry * scratch.lambda[column];
       if (column == i) diagonal += entry;
+      scratch.largest[i] = std::max(scratch.largest[i], std::abs(entry));
     }
     for (std::size_t k = 0; k < dofs; ++k) {
       const auto entry = static_cast<double>(factor[i * dofs + k]);
@@ -130,7 +133,7 @@ ConeRows rows_of(const ContactBatchView<Real>& batch, Offset cone, Offset env_fi
     const auto at = static_cast<std::size_t>(place - env_first_row);
     rows.lambda[k] = scratch.lambda[at];
     rows.w[k] = scratch.w[at];
-    rows.diagonal[k] = scratch.diagonal[at];
+    rows.diagonal[k] = k == 0 && scratch.diagonal[at] == 0 ? scratch.largest[at] : scratch.diagonal[at];
     if (k > 0 && carries_friction(batch.cone_kind[cone]))
       rows.mu[k] = static_cast<double>(batch.mu[batch.mu_at(place)]);
   }

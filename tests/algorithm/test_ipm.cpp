@@ -99,7 +99,7 @@ TEST(Ipm, BoundsOfEveryKind) {
   for (const double push : {-4.0, -0.1, 0.0, 0.1, 4.0}) {
     SCOPED_TRACE(push);
     const Environment<double> env = chain_of_boxes(bounds, push);
-    const Solution<double> solution = solved<double>(env, Law::convex, 1e-12, 100);
+    const Solution<double> solution = solved<double>(env, Law::convex, 0, 100);
     const Certificate found = certify(env, Law::convex, solution.lambda);
     EXPECT_LE(found.primal, 0.0L);
     EXPECT_LE(found.dual, 1e-11L);

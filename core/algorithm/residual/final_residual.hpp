@@ -37,12 +37,22 @@ STICTION_HD_OUTLINE double row_diagonal(const EnvView<Real>& env, Index row, dou
   return start;
 }
 
+/// The largest entry of row i.
+template <class Real>
+STICTION_HD_OUTLINE double row_largest(const EnvView<Real>& env, Index row) {
+  double largest = 0.0;
+  for (Index k = 0; k < env.entries(row); ++k)
+    largest = max_(abs_(static_cast<double>(env.A[env.row_offsets[row] + k])), largest);
+  return largest;
+}
+
 /// Rows of A where they are stored, as the final residual reads them.
 template <class Real>
 struct StoredRows {
   const EnvView<Real>* env;
   [[nodiscard]] STICTION_HD double motion(Index row, double start) const { return row_motion(*env, row, start); }
   [[nodiscard]] STICTION_HD double diagonal(Index row, double start) const { return row_diagonal(*env, row, start); }
+  [[nodiscard]] STICTION_HD double largest(Index row) const { return row_largest(*env, row); }
 };
 
 /// Rows of A = Y Y', as the final residual reads them; `velocity` is Y' lambda.
@@ -62,6 +72,8 @@ struct FactorRows {
     for (Index k = 0; k < env->dofs; ++k) sum = fma_(static_cast<double>(y[k]), static_cast<double>(y[k]), sum);
     return sum;
   }
+  /// A row of Y Y' whose diagonal is zero is zero.
+  [[nodiscard]] static STICTION_HD double largest(Index) { return 0.0; }
 };
 
 template <Team TeamT, class Real, class System>
@@ -148,13 +160,15 @@ struct LargestResidual {
   template <int M>
   STICTION_HD void add_semidefinite(Real (&x)[M], Real (&y)[M], Real a, Real share, Real unit) {
     scale(x, y, unit);
-    add(semidefinite_error_square(x, y, a), share);
+    const Real own = semidefinite_error_square(x, y, a);
+    add(own, share);
     Real most(0), pressed(0);
     for (int k = 0; k < M; ++k) {
       most = max_(abs_(y[k]), most);
       pressed = max_(abs_(a * x[k]), pressed);
     }
-    see(pressed * pressed, most * most, share);
+    const auto is_open = and_(pressed == Real(0), own == Real(0));
+    see(pressed * pressed, select(is_open, Real(0), most * most), share);
   }
   /// Takes in what other lanes have seen.
   STICTION_HD void add(const LargestResidual& other) {
@@ -285,7 +299,7 @@ STICTION_HD ConeMetric<double, Shape::kRows> cone_metric(Shape, const EnvView<Re
     const Index i = env.row_of(first, kRows, k);
     const double d = rows.diagonal(i, static_cast<double>(env.R[i]));
     sum = sum + d;
-    if (k == 0) metric.a = max_(d, 0.0);
+    if (k == 0) metric.a = d > 0.0 ? d : rows.largest(i);
     const auto weights = axis_weights(metric.a, d, static_cast<double>(row_scale(env, env.kind[cone], k, i)));
     metric.press[k] = weights.press;
     metric.slip[k] = weights.slip;

@@ -11,7 +11,7 @@ namespace stiction::inline STICTION_ISA {
 /// x_k = lambda_k / mu_k and y_k = mu_k w_k. A reaction counts as the motion that it causes alone.
 template <class Real, int M>
 struct ConeMetric {
-  Real a;         ///< d_n [w / lambda]
+  Real a;         ///< d_n, or the row's largest entry where d_n is not positive [w / lambda]
   Real press[M];  ///< weight of (a x_k)^2: mu_k^2 d_k / d_n; 0 of an axis that has no friction or cannot move
   Real slip[M];   ///< weight of y_k^2: its inverse; 1 / mu_k^2 of a row that cannot move
 };
