@@ -57,6 +57,8 @@ std::optional<RecordedSolve> read_recorded_solve(const InputFile& file, std::siz
   solve.precision = file.is_single("solve/lambda") ? Precision::f32 : Precision::f64;
   if (file.has("solve/warm_start")) solve.warm_start = file.reals("solve/warm_start", rows);
   solve.tolerance = file.reals("solve/tolerance", 1).front();
+  if (file.has("solve/absolute_tolerance"))
+    solve.absolute_tolerance = file.reals("solve/absolute_tolerance", 1).front();
   solve.omega = file.reals("solve/omega", 1).front();
   solve.max_iterations = read_index(file, "solve/max_iterations");
   solve.stall_window = read_index(file, "solve/stall_window");
@@ -88,6 +90,7 @@ void write_recorded_solve(OutputFile& file, const RecordedSolve& solve) {
     file.array(path, std::span<const decltype(value)>(&value, 1));
   };
   number("solve/tolerance", solve.tolerance);
+  if (solve.absolute_tolerance != 0) number("solve/absolute_tolerance", solve.absolute_tolerance);
   number("solve/omega", solve.omega);
   number("solve/max_iterations", std::int32_t{solve.max_iterations});
   number("solve/stall_window", std::int32_t{solve.stall_window});

@@ -138,10 +138,10 @@ void Recorder::require_same(const RecordedSolve& solve, Law law) const {
   if (!recording_.solve) return;
   const RecordedSolve& before = *recording_.solve;
   const bool same = before.form == solve.form && before.solver == solve.solver && before.precision == solve.precision &&
-                    before.tolerance == solve.tolerance && before.omega == solve.omega &&
-                    before.max_iterations == solve.max_iterations && before.stall_window == solve.stall_window &&
-                    before.direct_rows == solve.direct_rows && before.islands == solve.islands &&
-                    recording_.batch.law() == law;
+                    before.tolerance == solve.tolerance && before.absolute_tolerance == solve.absolute_tolerance &&
+                    before.omega == solve.omega && before.max_iterations == solve.max_iterations &&
+                    before.stall_window == solve.stall_window && before.direct_rows == solve.direct_rows &&
+                    before.islands == solve.islands && recording_.batch.law() == law;
   if (same) return;
   throw Error(ErrorCode::invalid_argument,
               "the solver's options, law, form or precision are not those that " + path_.string() +
@@ -179,6 +179,7 @@ RecordedSolve Recorder::describe(const SolverOptions& options, Precision precisi
   solve.solver = options.solver;
   solve.precision = precision;
   solve.tolerance = options.tolerance;
+  solve.absolute_tolerance = options.absolute_tolerance;
   solve.omega = options.omega;
   solve.max_iterations = options.max_iterations;
   solve.stall_window = options.stall_window;

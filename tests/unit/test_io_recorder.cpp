@@ -26,6 +26,7 @@ std::vector<Real> replayed(const Recording& recording) {
   SolverOptions o;
   o.solver = solve.solver;
   o.tolerance = solve.tolerance;
+  o.absolute_tolerance = solve.absolute_tolerance;
   o.omega = solve.omega;
   o.max_iterations = solve.max_iterations;
   o.stall_window = solve.stall_window;
@@ -84,6 +85,20 @@ TEST_F(RecorderTest, EverySolverAndPrecisionReplaysToTheBit) {
     record(ragged_batch(2, 5), 0.0);
     record(convert<float>(ragged_batch(2, 5)), 0.0F);
   }
+}
+
+TEST_F(RecorderTest, AnAbsoluteToleranceIsRecorded) {
+  const ContactBatch<double> batch = ragged_batch(2, 5);
+  SolverOptions o = options(SolverKind::npgs, 1e-10, 200);
+  const Solved<double> exact(Solver(Device::cpu(), o), batch.view());
+  o.absolute_tolerance = 1e-2;
+  const Solver solver(Device::cpu(), o);
+  Solved<double> solved(solver, batch.view());
+  EXPECT_NE(exact.lambda, solved.lambda) << "it ends solves earlier";
+  Recorder recorder(at("r.h5"), {RecordWhen::always, 1000, {}});
+  recorder.take(solver, batch.view(), solved.view());
+  EXPECT_EQ(read_batch(at("r.h5")).solve->absolute_tolerance, 1e-2);
+  expect_replays<double>(at("r.h5"));
 }
 
 TEST_F(RecorderTest, LimitsOfTheirOwnAreRecordedWithEnvironments) {

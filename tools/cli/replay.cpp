@@ -22,6 +22,7 @@ SolverOptions options_of(const io::RecordedSolve& recorded, int threads) {
   SolverOptions options;
   options.solver = recorded.solver;
   options.tolerance = recorded.tolerance;
+  options.absolute_tolerance = recorded.absolute_tolerance;
   options.omega = recorded.omega;
   options.max_iterations = recorded.max_iterations;
   options.stall_window = recorded.stall_window;
