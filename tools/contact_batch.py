@@ -34,40 +34,6 @@ class System:
         return 12 * entries + 9 * len(self.cone_kind) + 8 * (7 * n + 3 * nv) + 24
 
 
-def natural_residual(system, force):
-    """The relative natural-map residual of `force` under the convex law (docs/recording.md)."""
-    w = system.A @ force + system.R * force + system.b
-    diagonal = np.diag(system.A) + system.R
-    worst, start = 0.0, 0
-    for kind, size in zip(system.cone_kind, system.cone_rows):
-        rows = slice(start, start + size)
-        start += size
-        x, y, mu, scale = force[rows].copy(), w[rows].copy(), system.row_param[rows], diagonal[rows].mean()
-        if kind == FRICTION:
-            gripping = np.concatenate(([True], mu[1:] > 0))  # an axis without friction carries no force
-            idle = np.abs(x[~gripping]).max(initial=0.0) * scale
-            x, y, mu = x[gripping], y[gripping], mu[gripping]
-            x[1:] /= mu[1:]
-            y[1:] *= mu[1:]
-            gap = np.append(x - project_cone(x - y / scale), idle / scale)
-        else:
-            low, high = {FREE: (-np.inf, np.inf), UNILATERAL: (0, np.inf), BOX: (-mu[0], mu[0])}[int(kind)]
-            gap = x - np.clip(x - y / scale, low, high)
-        worst = max(worst, scale * np.linalg.norm(gap))
-    return worst / max(np.abs(system.b).max(initial=0.0), np.finfo(float).tiny)
-
-
-def project_cone(z):
-    """Euclidean projection onto z[0] >= norm(z[1:])."""
-    slide = np.linalg.norm(z[1:])
-    if slide <= -z[0]:
-        return np.zeros_like(z)
-    if slide <= z[0]:
-        return z
-    height = 0.5 * (z[0] + slide)
-    return np.append(height, z[1:] * (height / slide))
-
-
 def pointers(sizes):
     return np.concatenate(([0], np.cumsum(sizes, dtype=np.int64)))
 

@@ -6,7 +6,7 @@
     plot_convergence.py npgs=npgs.csv apgd=apgd.csv -o residual.png --tolerance 1e-6
 
 A convergence file (a trace, below) is a CSV file with the header iteration,median,p90,max. It has quantiles over the
-environments of the relative natural-map residual after that many iterations. Lines that begin with # are skipped. Each
+environments of the relative residual after that many iterations. Lines that begin with # are skipped. Each
 solver gets one colour: the median as a line, the 90th percentile dashed, the worst environment dotted, the space
 between median and worst tinted. Iteration 0 (the start) and residuals of exactly zero have no place on logarithmic
 axes and are left out. Exit status: 0 drawn, 2 bad input, with one sentence. Needs numpy and matplotlib.
@@ -80,7 +80,7 @@ def draw(traces, path, title=None, tolerance=None):
     axes.grid(True, which="major", color="#dddddd", linewidth=0.6)
     axes.spines[["top", "right"]].set_visible(False)
     axes.set_xlabel("iteration")
-    axes.set_ylabel("natural-map residual / max|b|")
+    axes.set_ylabel("relative residual [-]")
     axes.legend(frameon=False, fontsize="small", loc="lower left")
     if title:
         axes.set_title(title, loc="left", fontsize="medium")

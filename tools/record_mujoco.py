@@ -20,11 +20,13 @@ from collections import Counter
 from dataclasses import fields
 from pathlib import Path
 
+import h5py
 import mujoco
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
-from contact_batch import BOX, FREE, FRICTION, UNILATERAL, System, natural_residual, write  # noqa: E402
+import check_law  # noqa: E402
+from contact_batch import BOX, FREE, FRICTION, UNILATERAL, System, write  # noqa: E402
 
 # Types of rows from this one on are contacts.
 CONTACT = int(mujoco.mjtConstraint.mjCNSTR_CONTACT_FRICTIONLESS)
@@ -294,7 +296,8 @@ def load(path, keyframe, alone=True):
 
 def summary(path, systems):
     rows = [len(s.b) for s in systems]
-    worst = np.array([natural_residual(s, s.lambda_ref) for s in systems])
+    with h5py.File(path) as file:
+        worst = check_law.residuals(file, file["lambda_ref"][:])
     cones = np.bincount(np.concatenate([s.cone_kind for s in systems]), minlength=4)
     counts = ", ".join(f"{n} {k}" for k, n in zip(("free", "unilateral", "box", "friction"), cones) if n)
     return (f"{path}: {len(systems)} environments, rows min {min(rows)} median {np.median(rows):g} max {max(rows)}; "

@@ -26,6 +26,7 @@ try:
     import numpy as np
 
     recorder = load(ROOT / "tools" / "record_mujoco.py")
+    import check_law
     import contact_batch
 except ImportError as missing:
     raise unittest.SkipTest(
