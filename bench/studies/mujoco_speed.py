@@ -6,9 +6,8 @@
 Gymnasium's models under noise, one thread, the processor's time. In every stage of every step both solve the same
 systems, one after the other. MuJoCo solves them by mj_fwdConstraint, called without the interpreter for all
 simulations. It is warm started from its last accelerations, with the default tolerance and others. stiction gathers
-rows, solves and writes back, warm started from its last reactions. Both answers get the natural-map residual (relative
-to max |b|) from the same judge. The table has, for each accuracy of stiction, the cheapest setting of MuJoCo whose
-residuals are as
+rows, solves and writes back, warm started from its last reactions. `stiction.verify` judges
+both answers. The table has, for each accuracy of stiction, the cheapest setting of MuJoCo whose residuals are as
 small: their 95th percentile is not above stiction's. Writes FOLDER/mujoco_speed.csv.
 """
 
