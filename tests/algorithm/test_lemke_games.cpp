@@ -1,10 +1,12 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <span>
 #include <vector>
 
 #include "bench/scenes/rng.hpp"
 #include "core/algorithm/solver/lemke/lemke.hpp"
+#include "stiction/residual.hpp"
 #include "tests/support/small_systems.hpp"
 #include "tests/support/solve_alone.hpp"
 
@@ -92,6 +94,15 @@ TEST(LemkeGames, EveryGameHasAnEquilibriumAndItIsFound) {
     EXPECT_EQ(solution.status[0].code, EnvCode::solved) << "trial " << trial;
     EXPECT_LE(regret(game, solution.lambda), 1e-11) << "trial " << trial;
   }
+}
+
+// Each row is moved by the other's reaction alone, and counts in the unit of its largest entry. w = (0, 4) beside a
+// reaction of 1.
+TEST(LemkeGames, AnAnswerIsJudgedWithoutADiagonal) {
+  const ContactBatch<double> batch = batch_of({problem_of({1, 1, {2}, {2}})});
+  const std::vector<double> right{0.5, 0.5}, wrong{2.5, 0.5};
+  EXPECT_EQ(verify(batch.view(), std::span<const double>(right))[0].relative, 0.0);
+  EXPECT_EQ(verify(batch.view(), std::span<const double>(wrong))[0].absolute, 1.0);
 }
 
 TEST(LemkeGames, WhatHasNoSolutionStillEndsOnARay) {

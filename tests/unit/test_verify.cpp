@@ -265,15 +265,6 @@ TEST(Verify, ARowThatCannotMoveSpoilsNoOther) {
   EXPECT_EQ(residual_of(friction, Law::convex, {2, 0}).absolute, 0.0);
 }
 
-// A game: each row is moved by the other's reaction alone, and counts in the unit of its largest entry.
-TEST(Verify, ARowThatOthersMoveIsJudgedWithoutADiagonal) {
-  Environment<double> game = one_cone(ConeKind::unilateral, {0, 0}, {-2, -2});
-  game.set_dense(std::vector<double>{0, 2, 2, 0}, 2);
-  game.cones = {{ConeKind::unilateral, 1, -1}, {ConeKind::unilateral, 1, -1}};
-  EXPECT_EQ(residual_of(game, Law::convex, {1, 1}).relative, 0.0);
-  EXPECT_EQ(residual_of(game, Law::convex, {3, 1}).absolute, 2.0) << "w = (0, 4) beside a reaction of 1";
-}
-
 // b = 0 and lo = 1: lambda = 1 at w = 1 is right, lambda = 0 is 1 off, and that is the scale.
 TEST(Verify, BoundsThatExcludeZeroHaveAScaleWithoutB) {
   auto box = one_cone(ConeKind::box, {1}, {0});
