@@ -4,6 +4,7 @@
 #include <string>
 
 #include "bench/scenes/rng.hpp"
+#include "stiction/error.hpp"
 #include "stiction/solver.hpp"
 #include "tests/support/every_solver.hpp"
 #include "tests/support/scoped_isa.hpp"
@@ -150,7 +151,7 @@ void expect_neighbours_are_solved(SolverKind solver, Index spare) {
 
 class EachSolver : public testing::TestWithParam<SolverKind> {};
 INSTANTIATE_TEST_SUITE_P(Immovable, EachSolver, testing::ValuesIn(kEveryChoice),
-                         [](const auto& info) { return std::string(to_string(info.param)); });
+                         [](const auto& test) { return std::string(to_string(test.param)); });
 
 TEST_P(EachSolver, SolvesTheNeighboursOfAContactThatCannotMove) {
   expect_neighbours_are_solved<double>(GetParam(), 0);

@@ -208,7 +208,7 @@ TEST(Prepare, ABoundThatExcludesZeroCountsAmongTheMotions) {
   env.lo = {3, -7};
   env.hi = {5, 7};
   DensePgs p(env);
-  EXPECT_EQ(p.system().scalar[kNormB], 6 * p.system().scalar[kScaleB]);
+  EXPECT_EQ(p.system().scalar[kErrorScale], 6 * p.system().scalar[kScaleB]);
 }
 
 TEST(Prepare, BrokenNumbersAreFlaggedAndNothingElseIsDone) {

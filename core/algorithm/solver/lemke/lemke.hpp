@@ -62,6 +62,7 @@ struct Lemke {
       t.ratio[row] = is_free ? 1.0 : 0.0;
     });
     if (t.n > s.n) find_axes(team, s, t);
+    weigh_bare_rows(team, s, t);
     begin_path(team, s, t, false);
   }
 
@@ -94,6 +95,26 @@ struct Lemke {
     } else {
       return s.env->counts;
     }
+  }
+
+  /// Gives reactions of rows without a positive diagonal the weight of the row's largest entry, as the final residual
+  /// does. No other method is given such rows. An iterate that was recorded without it is no candidate.
+  template <Team TeamT, class System>
+  static STICTION_HD_OUTLINE void weigh_bare_rows(TeamT& team, const System& s, const Tableau& t) {
+    using Real = typename System::Real;
+    std::uint32_t found = 0;
+    s.for_each_cone(team, [&](auto, Index cone, Index) {
+      if (!(s.press[cone] > Real(0))) found = 1;
+    });
+    if (team.combine(found) == 0) return;
+    write_matrix(team, s, t);
+    s.for_each_cone(team, [&](auto, Index cone, Index row) {
+      if (s.press[cone] > Real(0)) return;
+      double largest = 0.0;
+      for (Index j = 0; j < s.n; ++j) largest = max_(abs_(t.T(row, 2 + j)), largest);
+      s.press[cone] = static_cast<Real>(largest);
+    });
+    single(team, [&] { s.scalar[kBestResidual] = static_cast<Real>(__builtin_huge_valf()); });
   }
 
   /// Rays after which the last one is believed.
