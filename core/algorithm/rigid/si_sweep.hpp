@@ -31,6 +31,14 @@ struct LocalProblem {
   }
 };
 
+/// Under Coulomb's law only the normal's column of a contact's block is kept, so that both axes step alike.
+template <int M, class System>
+  requires(System::kLaw == Law::coulomb)
+STICTION_HD auto is_uneven(const LocalProblem<System>&, Index) {
+  using Real = typename System::Real;
+  return Real(0) > Real(1);
+}
+
 using ContactShape = ConeShape<ConeKind::friction, 3>;
 
 /// A contact's `lo`, as a residual takes that of a cone: -1 says that friction is boxed.
