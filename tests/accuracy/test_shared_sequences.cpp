@@ -24,6 +24,8 @@ std::vector<Unsolved> lost_steps() {
     lost.push_back(more);
   for (const Unsolved& more : all_of({79, 87}, "A is damaged; solutions are there and sweeps leave the finite numbers"))
     lost.push_back(more);
+  lost.push_back(
+      {85, "A is damaged; two diagonals are 1e-316 and 4e-322, whose errors have no digits in doubles", false});
   return lost;
 }
 
@@ -42,7 +44,7 @@ TEST(SharedSequences, EveryStepOfTheStackIsSolved) {
     expect_solved_but_for("stack5_mu05", batch, options(solver, 1e-6, 2000), asymmetric);
 }
 
-TEST(SharedSequences, EveryStepOfTheHeapIsSolvedButForSixteen) {
+TEST(SharedSequences, EveryStepOfTheHeapIsSolvedButForSeventeen) {
   const auto path = shared_file(kHeap);
   if (!std::filesystem::exists(path)) GTEST_SKIP() << absent(path);
   const ContactBatch<double> batch = io::read_batch(path).batch;

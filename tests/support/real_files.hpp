@@ -62,6 +62,7 @@ inline void expect_solved_like_the_recording(const std::filesystem::path& path, 
 struct Unsolved {
   Offset env;
   const char* why;
+  bool is_judged = true;  ///< the judge denies it, too
 };
 
 /// Expects what a status says to be what the judge finds: `solved` at or below the tolerance, anything else finite and
@@ -93,9 +94,9 @@ inline void expect_solved_but_for(const std::string& file, const ContactBatch<do
     SCOPED_TRACE("environment " + std::to_string(e));
     const auto i = static_cast<std::size_t>(e);
     const EnvStatus& status = solution.status[i];
-    expect_honest(status, judged[i], o.tolerance);
     const auto listed =
         std::find_if(unsolved.begin(), unsolved.end(), [e](const Unsolved& known) { return known.env == e; });
+    if (listed == unsolved.end() || listed->is_judged) expect_honest(status, judged[i], o.tolerance);
     if (status.code == EnvCode::solved) {
       ++solved;
       EXPECT_EQ(listed, unsolved.end()) << "is solved now: take it off the list";

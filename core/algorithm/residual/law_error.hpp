@@ -20,6 +20,10 @@ struct ConeMetric {
 template <class Real>
 inline constexpr double kLeastPress = sizeof(Scalar<Real>) == sizeof(float) ? 0x1p-120 : 0x1p-1000;
 
+/// Squares of an axis' friction above this count as much, so that a weight is a number.
+template <class Real>
+inline constexpr double kMostPress = 1.0 / kLeastPress<Real>;
+
 /// The two weights of a further row of a friction cone. Rows that cannot move have the unit of the normal one.
 template <class Real>
 struct AxisWeights {
@@ -29,7 +33,9 @@ struct AxisWeights {
 template <class Real>
 STICTION_HD AxisWeights<Real> axis_weights(Real d_n, Real d, Real mu) {
   const auto moves = and_(d_n > Real(0), d > Real(0));
-  const Real press = (mu * mu) * select(moves, div_(d, select(moves, d_n, Real(1))), Real(1));
+  const Real most(static_cast<Scalar<Real>>(kMostPress<Real>));
+  const Real ratio = select(moves, min_(div_(d, select(moves, d_n, Real(1))), most), Real(1));
+  const Real press = min_((mu * mu) * ratio, most);
   const auto counts = press > Real(static_cast<Scalar<Real>>(kLeastPress<Real>));
   return {select(and_(moves, counts), press, Real(0)),
           select(counts, div_(Real(1), select(counts, press, Real(1))), Real(0))};
@@ -39,7 +45,8 @@ STICTION_HD AxisWeights<Real> axis_weights(Real d_n, Real d, Real mu) {
 template <class Real>
 STICTION_HD AxisWeights<Real> unit_axis_weights(Real d_n, Real unit_d, Real mu) {
   const auto moves = and_(d_n > Real(0), unit_d > Real(0));
-  const Real press = select(moves, div_(unit_d, select(moves, d_n, Real(1))), mu * mu);
+  const Real most(static_cast<Scalar<Real>>(kMostPress<Real>));
+  const Real press = min_(select(moves, div_(unit_d, select(moves, d_n, Real(1))), mu * mu), most);
   const auto counts = press > Real(static_cast<Scalar<Real>>(kLeastPress<Real>));
   return {select(and_(moves, counts), press, Real(0)),
           select(counts, div_(Real(1), select(counts, press, Real(1))), Real(0))};
