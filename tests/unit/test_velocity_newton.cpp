@@ -107,6 +107,17 @@ std::vector<JacobianEnvironment<double>> boxes() {
   return envs;
 }
 
+/// Errors of the environments' answers in double, once these were rounded to Real.
+template <class Real>
+std::vector<double> errors_of_rounded_answers(const std::vector<JacobianEnvironment<double>>& envs, Law law,
+                                              const ContactBatch<double>& judge) {
+  std::vector<double> answer = solve(batch_of(envs, law), options(SolverKind::automatic, 1e-10, 2000)).contact.lambda;
+  for (double& reaction : answer) reaction = static_cast<double>(static_cast<Real>(reaction));
+  std::vector<double> errors;
+  for (const Residual& error : verify(judge.view(), std::span<const double>(answer))) errors.push_back(error.relative);
+  return errors;
+}
+
 /// The share of environments that the method itself has solved. Every claim is held against A, b by elimination and the
 /// judge that shares no code with solvers; velocities against their definition.
 template <class Real>
@@ -129,12 +140,18 @@ double share_solved(const std::vector<JacobianEnvironment<double>>& envs, Law la
   const auto judged = verify(expected.view(), std::span<const double>(lambda));
   // In single precision J and M are not quite those of the judge.
   const double rounding = sizeof(Real) == sizeof(float) ? 3e-5 : 1e-11;
+  const std::vector<double> limits = errors_of_rounded_answers<Real>(envs, law, expected);
   int solved = 0;
   for (std::size_t e = 0; e < envs.size(); ++e) {
     const EnvStatus& status = solution.contact.status[e];
-    EXPECT_EQ(status.code, EnvCode::solved) << "env " << e << " by " << to_string(status.solver);
-    EXPECT_LE(status.residual, tolerance);
-    EXPECT_NEAR(judged[e].relative, status.residual, rounding) << "env " << e << " by " << to_string(status.solver);
+    SCOPED_TRACE("env " + std::to_string(e) + " by " + to_string(status.solver));
+    if (status.code == EnvCode::rounding) {
+      EXPECT_GT(limits[e], tolerance) << "the answer in double, rounded, is solved";
+    } else {
+      EXPECT_EQ(status.code, EnvCode::solved);
+      EXPECT_LE(status.residual, tolerance);
+      EXPECT_NEAR(judged[e].relative, status.residual, rounding);
+    }
     solved += status.solver == SolverKind::velocity_newton ? 1 : 0;
   }
   std::size_t row = 0, dof = 0;

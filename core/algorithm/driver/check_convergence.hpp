@@ -21,9 +21,12 @@ struct EnvProgress : Search<Real> {
   std::uint32_t flags = 0;  ///< EnvFlag bits from preparing
 };
 
+/// Where all contacts obey their law, those that cannot move need not: others have stilled what they would have
+/// followed.
 template <Team TeamT, class Real>
 STICTION_HD void write_status(TeamT& team, const EnvView<Real>& env, EnvCode code, SolverKind solver,
                               std::uint32_t flags, Index iterations, double relative, double absolute) {
+  if (code == EnvCode::solved) flags &= ~static_cast<std::uint32_t>(kFlagImmovable);
   single(team,
          [&] { *env.status = EnvStatus{relative, absolute, flags, iterations, code, solver, {0, 0, 0, 0, 0, 0}}; });
 }
