@@ -5,9 +5,16 @@
 
 #include <cmath>
 #include <limits>
+#include <map>
+#include <numeric>
+#include <span>
+#include <utility>
+#include <vector>
 
 #include "bench/scenes/rng.hpp"
+#include "core/plan/plan.hpp"
 #include "stiction/residual.hpp"
+#include "stiction/solver.hpp"
 #include "tests/support/prepared.hpp"
 #include "tests/support/random_systems.hpp"
 
@@ -164,6 +171,43 @@ TEST(ResidualBody, ItsScaleIsThatOfTheLargestIsland) {
   EXPECT_NEAR(error_scale_of(open.system()).largest, 4e-4, 1e-10);
   Prepared<Pgs, Law::convex, Dense> coupled(system({free_row(), free_row()}, {1, 0.5, 0.5, 1}, {-3, 2}));
   EXPECT_EQ(coupled.system().island[1], 1.0);
+}
+
+/// Two chains of contacts, each pressed at one end, whose numbers are shuffled: pressed by 1 and by 1e-3.
+Environment<double> shuffled_chains(std::size_t length) {
+  std::vector<std::size_t> row_at(2 * length);
+  std::iota(row_at.begin(), row_at.end(), std::size_t{0});
+  scenes::Rng rng(7);
+  for (std::size_t i = row_at.size(); --i > 0;)
+    std::swap(row_at[i], row_at[static_cast<std::size_t>(rng.uniform(0.0, 0.999999) * static_cast<double>(i + 1))]);
+  std::vector<std::map<std::size_t, double>> entries(row_at.size());
+  Environment<double> env;
+  env.b.resize(row_at.size());
+  for (std::size_t at = 0; at < row_at.size(); ++at) {
+    auto& row = entries[row_at[at]];
+    row[row_at[at]] = 2.1;
+    if (at % length > 0) row[row_at[at - 1]] = -1.0;
+    if (at % length + 1 < length) row[row_at[at + 1]] = -1.0;
+    env.b[row_at[at]] = at == 0 ? -1.0 : at == length ? -1e-3 : 0.0;
+  }
+  for (const auto& row : entries) {
+    env.cones.push_back(unilateral());
+    for (const auto& [column, value] : row) {
+      env.column.push_back(static_cast<Index>(column));
+      env.A.push_back(value);
+    }
+    env.row_offsets.push_back(static_cast<Index>(env.column.size()));
+  }
+  return env;
+}
+
+TEST(ResidualBody, ScalesReachTheEndsOfChainsWhoseContactsStandInAnyOrder) {
+  const auto batch = batch_of({shuffled_chains(2000)});
+  ASSERT_EQ(make_plan(batch.view()).path[0], EnvPath::sparse);
+  const auto solution = solve(batch, options(SolverKind::pgs, 0.0, 3));
+  const auto judged = verify(batch.view(), std::span<const double>(solution.lambda));
+  EXPECT_GT(judged[0].relative, 1e-3);
+  EXPECT_NEAR(solution.status[0].residual, judged[0].relative, 1e-12);
 }
 
 }  // namespace

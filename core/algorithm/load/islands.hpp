@@ -2,6 +2,7 @@
 
 #include <type_traits>
 
+#include "core/algorithm/load/disjoint_sets.hpp"
 #include "core/algorithm/load/held_rows.hpp"
 #include "core/algorithm/residual/final_residual.hpp"
 #include "core/algorithm/system/cone_slots.hpp"
@@ -84,70 +85,56 @@ STICTION_HD Index cone_of_row(const EnvView<Real>& env, Index row) {
   }
   return first;
 }
-/// Spreads scales by the batch's cones along the stored entries of A.
+/// Spreads scales by the batch's cones along the stored entries of A. `parent`: scratch, exact up to 2^24 cones in
+/// single precision                                                                                           (cones)
 template <class Real, class Scales>
-STICTION_HD_OUTLINE void spread_along_entries(const EnvView<Real>& env, const Scales& scale) {
-  bool has_changed = true;
-  while (has_changed) {
-    has_changed = false;
-    for (Index cone = 0; cone < env.cone_count; ++cone) {
-      const Index first = env.cone_row(cone);
-      const auto visit = [&](auto&& f) {
-        for (Index row = first; row < first + env.cone_size(cone); ++row) {
-          const Real* const a = env.A + env.row_offsets[row];
-          const Index* const column = env.columns(row);
-          const Index count = env.entries(row);
-          for (Index k = 0, last = -1; k < count; ++k) {
-            if (a[k] == Real(0)) continue;
-            if (last < 0 || column[k] < env.cone_row(last) || column[k] >= env.cone_row(last) + env.cone_size(last))
-              last = cone_of_row(env, column[k]);
-            f(last);
-          }
-        }
-      };
-      auto found = scale[cone];
-      visit([&](Index other) { found = max_(scale[other], found); });
-      has_changed = has_changed || found != scale[cone];
-      scale[cone] = found;
-      visit([&](Index other) {
-        has_changed = has_changed || scale[other] != found;
-        scale[other] = found;
-      });
+STICTION_HD_OUTLINE void spread_along_entries(const EnvView<Real>& env, const Scales& scale, const Scales& parent) {
+  const auto of = [&](Index cone) -> Real& { return parent[cone]; };
+  for (Index cone = 0; cone < env.cone_count; ++cone) of(cone) = static_cast<Real>(cone);
+  for (Index cone = 0; cone < env.cone_count; ++cone) {
+    const Index first = env.cone_row(cone);
+    for (Index row = first; row < first + env.cone_size(cone); ++row) {
+      const Real* const a = env.A + env.row_offsets[row];
+      const Index* const column = env.columns(row);
+      const Index count = env.entries(row);
+      for (Index k = 0, last = -1; k < count; ++k) {
+        if (a[k] == Real(0)) continue;
+        if (last >= 0 && column[k] >= env.cone_row(last) && column[k] < env.cone_row(last) + env.cone_size(last))
+          continue;
+        last = cone_of_row(env, column[k]);
+        join_sets(of, cone, last);
+      }
     }
   }
+  raise_to_sets(env.cone_count, scale, of);
 }
 
-/// Spreads scales along the columns of its factor. `reach`: scratch                       (dofs)
+/// Spreads scales along the columns of its factor. `reach`: scratch                                    (dofs)
 template <class Real, class Scales>
-STICTION_HD_OUTLINE void spread_along_factor(const EnvView<Real>& env, const Scales& scale, double* reach) {
-  const auto visit = [&](Index cone, auto&& f) {
+STICTION_HD_OUTLINE void spread_along_factor(const EnvView<Real>& env, const Scales& scale, const Scales& parent,
+                                             double* reach) {
+  const auto of = [&](Index cone) -> Real& { return parent[cone]; };
+  for (Index cone = 0; cone < env.cone_count; ++cone) of(cone) = static_cast<Real>(cone);
+  for (Index k = 0; k < env.dofs; ++k) reach[k] = -1.0;  // a cone that has the column
+  for (Index cone = 0; cone < env.cone_count; ++cone) {
     const Index first = env.cone_row(cone);
     for (Index row = first; row < first + env.cone_size(cone); ++row)
-      for (Index k = 0; k < env.dofs; ++k)
-        if (env.factor[static_cast<Offset>(row) * env.dofs + k] != Real(0)) f(k);
-  };
-  bool has_changed = true;
-  while (has_changed) {
-    has_changed = false;
-    for (Index k = 0; k < env.dofs; ++k) reach[k] = 0.0;
-    for (Index cone = 0; cone < env.cone_count; ++cone)
-      visit(cone, [&](Index k) { reach[k] = max_(static_cast<double>(scale[cone]), reach[k]); });
-    for (Index cone = 0; cone < env.cone_count; ++cone)
-      visit(cone, [&](Index k) {
-        if (!(reach[k] > static_cast<double>(scale[cone]))) return;
-        scale[cone] = static_cast<std::remove_cvref_t<decltype(scale[cone])>>(reach[k]);
-        has_changed = true;
-      });
+      for (Index k = 0; k < env.dofs; ++k) {
+        if (env.factor[static_cast<Offset>(row) * env.dofs + k] == Real(0)) continue;
+        if (reach[k] >= 0.0) join_sets(of, cone, static_cast<Index>(reach[k]));
+        reach[k] = static_cast<double>(cone);
+      }
   }
+  raise_to_sets(env.cone_count, scale, of);
 }
 
 template <class Real>
 STICTION_HD void spread_scales(const SparseSystem<Real>& s, Real) {
-  spread_along_entries(*s.env, s.island);
+  spread_along_entries(*s.env, s.island, s.shares);
 }
 template <class Real>
 STICTION_HD void spread_scales(const FactorSystem<Real>& s, Real) {
-  spread_along_factor(*s.env, s.island, s.exact);
+  spread_along_factor(*s.env, s.island, s.shares, s.exact);
 }
 
 /// The error of a cone whose rows are held, in the solver's units: no reaction changes it.

@@ -8,7 +8,7 @@ namespace stiction::inline STICTION_ISA {
 inline constexpr Index kIslandRounds = 32;
 
 /// Where a chain of ever smaller labels ends.
-STICTION_HD Index root_of(const Index* label, Index v) {
+STICTION_HD Index root_of_label(const Index* label, Index v) {
   while (label[v] != v) v = label[v];
   return v;
 }
@@ -56,7 +56,7 @@ STICTION_HD void unite_labels(TeamT& team, const ConflictGraph& graph, Index* la
       }
     }
   });
-  for_each(team, graph.vertices, [&](Index v) { next[v] = root_of(label, v); });
+  for_each(team, graph.vertices, [&](Index v) { next[v] = root_of_label(label, v); });
   for_each(team, graph.vertices, [&](Index v) { label[v] = next[v]; });
 }
 

@@ -249,13 +249,7 @@ template <class Real, Law kLaw, int kStride>
 STICTION_HD_OUTLINE bool spread_scales(const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
                                        const Strided<double, kStride>& reach) {
   const auto number = [&](Index body, Index k) -> double& { return reach[6 * static_cast<Offset>(body) + k]; };
-  const auto root = [&](Index body) {
-    while (static_cast<Index>(number(body, 1)) != body) {
-      number(body, 1) = number(static_cast<Index>(number(body, 1)), 1);
-      body = static_cast<Index>(number(body, 1));
-    }
-    return body;
-  };
+  const auto parent = [&](Index body) -> double& { return number(body, 1); };
   for (Index body = 0; body < s.bodies; ++body) {
     number(body, 1) = static_cast<double>(body);
     number(body, 2) = number(body, 0);
@@ -269,16 +263,12 @@ STICTION_HD_OUTLINE bool spread_scales(const BodyEnv<Real>& env, const BodySyste
   for (Index p = 0; p < s.contacts; ++p) {
     Index first = -1;
     sides(p, [&](Index side) {
-      const Index own = root(side);
-      if (first < 0) {
-        first = own;
-      } else if (own != first) {
-        number(own > first ? own : first, 1) = static_cast<double>(own > first ? first : own);
-      }
+      if (first >= 0) join_sets(parent, first, side);
+      first = side;
     });
   }
   const auto raise = [&](Index body, double scale) {
-    double& known = number(root(body), 2);
+    double& known = number(root_of(parent, body), 2);
     known = max_(scale, known);
   };
   for (Index body = 0; body < s.bodies; ++body) raise(body, number(body, 0));
@@ -286,7 +276,7 @@ STICTION_HD_OUTLINE bool spread_scales(const BodyEnv<Real>& env, const BodySyste
     sides(p, [&](Index side) { raise(side, static_cast<double>(s.field.at(kFieldShare, p))); });
   bool has_grown = false;
   for (Index body = 0; body < s.bodies; ++body) {
-    const double found = number(root(body), 2);
+    const double found = number(root_of(parent, body), 2);
     has_grown = has_grown || found > number(body, 0);
     number(body, 0) = found;
   }
