@@ -19,7 +19,7 @@ import numpy as np
 
 FREE, UNILATERAL, BOX, FRICTION, BOX_FRICTION, SEMIDEFINITE = range(6)  # cone_kind of the file
 NAMES = ("free", "unilateral", "box", "friction", "box_friction", "semidefinite")
-BOUNDLESS = 1e20  # a bound of that size is none
+BOUNDLESS = 1e20  # an upper bound of that size is none, and a lower one of its negative
 IDLE = 1e-4  # share of the largest |b| that an island's scale is at least
 Wide = np.longdouble  # squares of what a double holds are no infinity there
 
@@ -131,7 +131,7 @@ class Cones:
             elif kind == UNILATERAL:
                 error = unilateral((d * f)[:, 0], y[:, 0])
             elif kind == BOX:
-                error = box(d * f, y, bounds(d, self.low[rows]), bounds(d, self.high[rows]))[:, 0]
+                error = box(d * f, y, -upper(d, -self.low[rows]), upper(d, self.high[rows]))[:, 0]
             elif kind == SEMIDEFINITE:
                 error = semidefinite(f, y, d)
             else:
@@ -151,8 +151,8 @@ def unilateral(x, y):
     return np.minimum(np.hypot(x, np.minimum(y, 0)), np.hypot(y, np.minimum(x, 0)))
 
 
-def bounds(d, bound):
-    return np.where(np.abs(bound) >= BOUNDLESS, np.copysign(np.inf, bound), d * bound)
+def upper(d, bound):
+    return np.where(bound >= BOUNDLESS, np.inf, d * bound)
 
 
 def box(x, y, low, high):

@@ -227,7 +227,8 @@ double cone_error(const ConeRows& rows, ConeKind kind, Law law) {
     if (!std::isfinite(rows.lambda[k]) || !std::isfinite(rows.w[k]) || !std::isfinite(rows.diagonal[k]))
       return kInfinity;
   const Wide d = rows.diagonal[0];
-  const auto bound = [d](double at) { return std::abs(at) >= kBoundless ? std::copysign(kInfinity, at) : d * at; };
+  const auto lower = [d](double at) { return at <= -kBoundless ? -Wide(kInfinity) : d * at; };
+  const auto upper = [d](double at) { return at >= kBoundless ? Wide(kInfinity) : d * at; };
   Wide error = kInfinity;
   switch (kind) {
     case ConeKind::free:
@@ -238,7 +239,7 @@ double cone_error(const ConeRows& rows, ConeKind kind, Law law) {
       break;
     case ConeKind::box:
       if (!std::isnan(rows.lo) && !std::isnan(rows.hi))
-        error = box_error(d * rows.lambda[0], rows.w[0], bound(rows.lo), bound(rows.hi));
+        error = box_error(d * rows.lambda[0], rows.w[0], lower(rows.lo), upper(rows.hi));
       break;
     case ConeKind::friction:
     case ConeKind::box_friction:

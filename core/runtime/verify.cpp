@@ -109,7 +109,7 @@ void find_motion(const ContactBatchView<Real>& batch, Offset env, Scratch& scrat
       const auto entry = static_cast<double>(batch.A[batch.row_offsets[row] + k]);
       w += entry * scratch.lambda[column];
       if (column == i) diagonal += entry;
-      scratch.largest[i] = std::max(scratch.largest[i], std::abs(entry));
+      if (std::abs(entry) > scratch.largest[i]) scratch.largest[i] = std::abs(entry);
     }
     for (std::size_t k = 0; k < dofs; ++k) {
       const auto entry = static_cast<double>(factor[i * dofs + k]);
