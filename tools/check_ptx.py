@@ -21,6 +21,7 @@ import struct
 import sys
 
 import fatbin
+import ptx_zero_signs
 
 FLOAT = r"(?:f16|f16x2|bf16|bf16x2|f32|f32x2|tf32|f64)"
 INSTRUCTION = re.compile(r"^\s*(?:@!?%?\w+\s+)?([a-z][a-z0-9_]*(?:\.[A-Za-z0-9_:]+)+)")
@@ -34,14 +35,15 @@ MATRIX = {"mma", "wmma", "wgmma", "tcgen05"}
 
 # select(x > c, x, c) with a literal c >= +0, which nvcc writes as a maximum with c: the same bits for every x. Where x
 # is NaN both give c, because PTX returns the number when one operand is NaN. Where x is a zero both give c, because
-# PTX orders -0 below +0. Elsewhere there is nothing to choose. A minimum, a register or a negative literal is not as
-# safe.
-LITERAL_MAXIMUM = re.compile(r"\bmax\.(?:f32\s+%\w+,\s*%\w+,\s*0f([0-9A-Fa-f]{8})|f64\s+%\w+,\s*%\w+,\s*0d([0-9A-Fa-f]{16}));")
+# PTX orders -0 below +0. Elsewhere there is nothing to choose. So it is with select(x < c, x, c) and a literal c > 0,
+# where a zero x is returned by both. With c = +0 the sign of a zero may differ, which ptx_zero_signs.py follows. A
+# register or a negative literal is not as safe.
+LITERAL_EXTREME = re.compile(r"\bm(?:ax|in)\.(?:f32\s+%\w+,\s*%\w+,\s*0f([0-9A-Fa-f]{8})|f64\s+%\w+,\s*%\w+,\s*0d([0-9A-Fa-f]{16}));")
 
 
 def is_select_with_literal(line):
-    """Whether a line of PTX is a maximum with a finite literal >= +0."""
-    match = LITERAL_MAXIMUM.search(line)
+    """Whether a line of PTX is a maximum or a minimum with a finite literal >= +0."""
+    match = LITERAL_EXTREME.search(line)
     if not match:
         return False
     if match.group(1):
@@ -94,6 +96,8 @@ def check_text(text, label):
         problem = finding(operation, line)
         if problem:
             problems.append(f"{label}:{number}: {operation} in {function}: {problem}")
+    problems += [f"{label}:{number}: {operation} in {function}: is reached by a zero whose sign min(x, +0) left open"
+                 for number, operation, function in ptx_zero_signs.reached(text)]
     return problems, seen
 
 
@@ -193,7 +197,12 @@ SELF_TEST = [
     ("ex2.approx.f32 %f1, %f2;", False),
     ("sin.approx.f32 %f1, %f2;", False),
     ("min.f32 %f1, %f2, %f3;", False),
-    ("min.f32 %f1, %f2, 0f00000000;", False),
+    ("min.f32 %f1, %f2, 0f00000000;", True),
+    ("min.f64 %fd1, %fd2, 0d7E70000000000000;", True),
+    ("min.f32 %f1, %f2, 0f80000000;", False),
+    ("min.f32 %f1, %f2, 0f7FC00000;", False),
+    ("min.f32 %f1, %f2, 0fBF800000;", False),
+    ("min.NaN.f32 %f1, %f2, 0f3F800000;", False),
     ("max.f32 %f1, %f2, 0f80000000;", False),
     ("max.f32 %f1, %f2, %f3;", False),
     ("max.f32 %f1, %f2, 0fBF800000;", False),
@@ -225,6 +234,9 @@ def self_test():
         if bool(problems) == good:
             print(f"self-test: '{line}' should be {'clean' if good else 'found'}, got {problems}")
             failed += 1
+    for wrong in ptx_zero_signs.self_test():
+        print(f"self-test: {wrong}")
+        failed += 1
     flags = ["nvcc", *REQUIRED_FLAGS]
     for command, good in [(flags, True), (flags[:1] + flags[2:], False), (flags + ["-use_fast_math"], False),
                           (flags + ["-Ofast"], False), (flags + ["-Ofc=mid"], True)]:

@@ -43,7 +43,7 @@ STICTION_HD_OUTLINE unsigned held_rows(const EnvView<Real>& env, Index cone) {
 template <class Real>
 STICTION_HD Real held_reaction(Real b, Real lo, Real hi) {
   const Real bound = b > Real(0) ? lo : hi;
-  return b != Real(0) && finite_(bound) ? bound : clamp_(Real(0), lo, hi);
+  return b != Real(0) && finite_(bound) ? bound : canonical_zero(clamp_(Real(0), lo, hi));
 }
 
 /// Whether the law of a cone with held rows asks one of them to move: no reaction obeys it.
