@@ -137,8 +137,9 @@ class World:
     "float64" or "float32".
     dt [s], erp, slop [m], cfm [m/(N s)], restitution_threshold [m/s]: as for Batch.from_bodies. law: "coulomb",
     "convex" or "boxed" (docs/math/box_friction.md, for "npgs" and "pgs").
-    solver: "npgs" (sequential impulses with momentum, the default), "pgs" (without), "newton" or "multigrid".
-    max_iterations: of each step. tolerance: on the relative residual, 0: all iterations. omega: relaxation.
+    solver: "npgs" (sequential impulses with momentum, the default), "pgs" (without), "newton" or "multigrid". Bodies
+    that lie on others a thousand times lighter need "newton"; `solved` tells where sweeps did not suffice.
+    max_iterations: of each step, at most. tolerance: on the relative residual, 0: all iterations. omega: relaxation.
     margin: gap up to which a pair is a contact even if it does not close [m]. warm_start: share of a contact's last
     impulse that its next one starts from, in [0, 1]. max_contacts_per_env: the deepest are solved, 0: all.
     threads: 0: all cores; the bits do not depend on it.
@@ -150,7 +151,7 @@ class World:
     def __init__(self, bodies, shapes, env_count: int, device: str = "cpu", *, gravity=(0.0, 0.0, -9.81),
                  dtype: str = "float64", dt: float = 0.005, erp: float = 0.2, slop: float = 0.0, cfm: float = 0.0,
                  restitution_threshold: float = 0.1, law: str = "coulomb", solver: str = "npgs",
-                 max_iterations: int = 50, tolerance: float = 0.0, omega: float = 1.0, margin: float = 0.01,
+                 max_iterations: int = 2000, tolerance: float = 1e-4, omega: float = 1.0, margin: float = 0.01,
                  warm_start: float = 0.95, max_contacts_per_env: int = 0, threads: int = 0):
         if solver not in _METHODS:
             raise ValueError(f"solver: expected one of {', '.join(_METHODS)}, got {solver!r}")

@@ -57,10 +57,19 @@ struct WorldDescription {
 /// \throws Error(invalid_argument) for a plane, which has no mass.
 WorldBody solid_body(const WorldShape& shape, double density);
 
+/// Sweeps until a step is solved to 1e-4. A stack of 0.1 kg and 10 kg in turn needs a thousand.
+inline BodySolverOptions until_solved() {
+  BodySolverOptions options;
+  options.iterations = 2000;
+  options.tolerance = 1e-4;
+  return options;
+}
+
 /// What a World is told when it is made.
 struct WorldOptions {
-  TimeStepping stepping;     ///< the step, and how contacts enter it
-  BodySolverOptions solver;  ///< substeps must be 1: a world detects contacts in every step
+  TimeStepping stepping;  ///< the step, and how contacts enter it
+  /// substeps must be 1: a world detects contacts in every step.
+  BodySolverOptions solver = until_solved();
   double margin = 0.01;      ///< gap up to which a pair is a contact even if it does not close, >= 0 [m]
   double warm_start = 0.95;  ///< share of a contact's last impulse its next one starts from, in [0, 1]; 0: none [-]
 };
