@@ -44,6 +44,7 @@ TEST(DeviceEngine, EverySolverAndLawGivesTheCpusBitsInSinglePrecision) {
 }
 
 TEST(DeviceEngine, EverySolverAndLawGivesTheCpusBitsInDoublePrecision) {
+  if (kThreadSanitizer) GTEST_SKIP() << "the thread sanitizer sees the same accesses in single precision";
   expect_the_cpus_bits_of_every_solver<double>();
 }
 
