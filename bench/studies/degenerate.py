@@ -35,9 +35,9 @@ except ImportError as missing:
     sys.exit(77)
 
 TOLERANCE = {"f64": 1e-6, "f32": 1e-3}
-CODES = ["solved", "max_iterations", "stalled", "numerical", "invalid_input", "unsupported"]
+CODES = ["solved", "max_iterations", "stalled", "numerical", "invalid_input", "unsupported", "rounding", "infeasible"]
 FLAGS = ["non_finite_input", "negative_friction", "crossed_bounds", "negative_compliance", "bad_diagonal", "warm_start_rejected",
-         "asymmetric", "contacts_dropped", "bad_mass", "over_capacity", "bad_structure", "unsupported_cone", "ray"]
+         "asymmetric", "contacts_dropped", "bad_mass", "over_capacity", "bad_structure", "unsupported_cone", "ray", "immovable"]
 COLUMNS = ["law", "case", "solver", "precision", "status", "flags", "iterations", "residual"]
 
 

@@ -127,7 +127,7 @@ def test_a_rollouts_derivative_is_that_of_differences(law):
     M = half @ half.transpose(0, 2, 1) + dofs * np.eye(dofs)
     first, by_velocity = rng.normal(size=(2, envs, dofs))
     force = 20 * rng.normal(size=(steps, envs, dofs))
-    solver = stiction.Solver(solver="npgs", tolerance=1e-13, max_iterations=20000)
+    solver = stiction.Solver(solver="npgs", tolerance=1e-13, absolute_tolerance=1e-14, max_iterations=20000)
 
     def step(v, push):
         free = v + dt * np.linalg.solve(M, push[..., None])[..., 0]

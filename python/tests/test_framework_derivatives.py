@@ -125,8 +125,10 @@ class TestJax:
         for seed in range(4):
             rng = np.random.default_rng(seed)
             J = rng.normal(size=(n, n + 2))
-            numbers = (J @ J.T / n, rng.normal(size=n) - 0.3, rng.uniform(0.2, 1, n), rng.uniform(0.05, 0.2, n),
-                       0.3 * rng.normal(size=n))
+            mu, R = np.repeat(rng.uniform(0.2, 1, contacts), 3), np.repeat(rng.uniform(0.05, 0.2, contacts), 3)
+            numbers = J @ J.T / n, rng.normal(size=n) - 0.3, mu, R, 0.3 * rng.normal(size=n)
+            friction = (np.diag(numbers[0]) + R).reshape(contacts, 3)[:, 1:]
+            assert (friction.max(1) < 4 * friction.min(1)).all()  # axes alike: they step together
             by = rng.normal(size=n)
             lambda_, slopes = answer(numbers, by)
             A, b, mu, R, start = (part[None] for part in numbers)

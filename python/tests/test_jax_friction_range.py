@@ -40,7 +40,7 @@ def slopes(jax, numbers, dtype, law):
     """Derivatives of the loss by A, b and mu, and whether they are said to be some."""
     import stiction.jax
     numbers = tuple(part.astype(dtype) for part in numbers)
-    options = {"law": law, "solver": "nsgs", "max_iterations": 20000, **OPTIONS[dtype]}
+    options = {"law": law, "solver": "npgs", "max_iterations": 20000, **OPTIONS[dtype]}
     answer = stiction.jax.solve(*numbers, **options)
     assert stiction.jax.status(answer[2])["code"] == 0
     pulled = jax.grad(lambda *numbers: (stiction.jax.solve(*numbers, **options)[0] * LOSS.astype(dtype)).sum(), (0, 1, 2))
@@ -58,7 +58,7 @@ def test_derivatives_are_those_of_finite_differences_and_the_same_in_both_precis
     wide, has = slopes(jax, numbers, np.float64, law)
     assert has
     step = 1e-3 * mu  # no contact changes its mode within it
-    ends = [stiction.jax.solve(np.tile(A, (len(b), 1, 1)), b + sign * step * np.eye(len(b)), friction, law=law, solver="nsgs",
+    ends = [stiction.jax.solve(np.tile(A, (len(b), 1, 1)), b + sign * step * np.eye(len(b)), friction, law=law, solver="npgs",
                                tolerance=1e-15, max_iterations=20000)[0] @ LOSS for sign in (1, -1)]
     by_b = np.asarray(ends[0] - ends[1]) / (2 * step)
     # What the differences have of rounding grows as the step falls.
@@ -103,5 +103,5 @@ def test_what_is_not_determined_or_not_solved_is_told(jax, law):
         answer = stiction.jax.solve(*numbers, law=law, max_iterations=0)
         assert not stiction.jax.has_derivative(answer, *numbers, law=law)
     many = jax.numpy.stack([good[0], good[0]]), jax.numpy.stack([good[1], np.full(9, np.nan)]), good[2]
-    answer = stiction.jax.solve(*many, law=law, solver="nsgs", tolerance=1e-12)
+    answer = stiction.jax.solve(*many, law=law, solver="npgs", tolerance=1e-12)
     assert stiction.jax.has_derivative(answer, *many, law=law).tolist() == [True, False]

@@ -100,11 +100,11 @@ static void wrong_sizes(void) {
     double appended;
   } later;
   STICTION_CHECK_FAILS(stiction_solver_options_init(&later.known, sizeof later), STICTION_INVALID_ARGUMENT,
-                       "options.size = 64", "later version");
+                       "options.size = 72", "later version");
   STICTION_CHECK_OK(stiction_solver_options_init(&options, sizeof options));
   options.size = sizeof later;
   STICTION_CHECK_FAILS(stiction_solver_create("cpu", &options, NULL, &solver), STICTION_INVALID_ARGUMENT,
-                       "options.size = 64", "later version");
+                       "options.size = 72", "later version");
   options.size = 0;
   STICTION_CHECK_FAILS(stiction_solver_create("cpu", &options, NULL, &solver), STICTION_INVALID_ARGUMENT,
                        "options.size = 0", "init function");

@@ -16,7 +16,7 @@ from pathlib import Path
 TOLERANCE = 1e-6
 SOLVED = 0
 # Unsolved environments by file, of `auto` to that tolerance; tests/accuracy/test_shared_*.cpp have the reasons.
-UNSOLVED = {"rockpile.h5": 1, "heap12_mu07.h5": 16, "drake_unsolved.h5": 1, "siconos_unsolved.h5": 1}
+UNSOLVED = {"planar.h5": 1, "rockpile.h5": 1, "heap12_mu07.h5": 17, "drake_unsolved.h5": 1, "siconos_unsolved.h5": 1}
 # The interior point needs ten seconds for the first, which is one of coulomb/spheres.h5, too. The second is a rolling problem,
 # which cannot be stated.
 LEFT_OUT = {"spheres-in-a-box-98-i10000-256-10.hdf5", "Chute-ndof-768-nc-4-3.hdf5"}
@@ -24,7 +24,7 @@ FAMILIES = ("coulomb", "lcp", "sequences", "mujoco", "fclib")
 
 
 def load_judge(path):
-    spec = importlib.util.spec_from_file_location("check_solution", path)
+    spec = importlib.util.spec_from_file_location("check_law", path)
     judge = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(judge)
     return judge
@@ -66,7 +66,7 @@ def main():
     stiction = sys.argv[1]
     shared = Path(os.environ.get("STICTION_SHARED_DIR", Path(__file__).resolve().parents[3] / "shared"))
     try:
-        judge = load_judge(shared / "tools" / "check_solution.py")
+        judge = load_judge(shared / "tools" / "check_law.py")
     except (ImportError, FileNotFoundError) as missing:
         print(f"SKIPPED: shared problems are not judged, {missing}")
         return 77

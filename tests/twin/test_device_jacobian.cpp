@@ -84,7 +84,7 @@ TEST(DeviceJacobian, HasTheCpusBitsWhereNewtonInVelocitiesGoesFirst) {
       }
 }
 
-// Some ask for steps in double, and of these some for more than single precision can hold.
+// Some ask for steps in double, some of these in vain. Newton has too few iterations for half: they go on by A.
 TEST(DeviceJacobian, HasTheCpusBitsWhereStepsAreInDouble) {
   JacobianBatch<float> batch(Law::convex);
   std::vector<double> tolerances;
@@ -96,13 +96,13 @@ TEST(DeviceJacobian, HasTheCpusBitsWhereStepsAreInDouble) {
   }
   for (const bool own : {false, true}) {
     SolverOptions chosen = some_iterations<float>(SolverKind::automatic);
+    chosen.max_iterations = 8;
     chosen.tolerance = 1e-6;
     auto packed = batch.view();
     packed.env_tolerance = own ? tolerances.data() : nullptr;
     const auto expected = solve(packed, chosen);
     const auto by_newton = std::ranges::count(expected.contact.status, SolverKind::velocity_newton, &EnvStatus::solver);
-    EXPECT_GT(by_newton, 4);
-    EXPECT_LT(by_newton, batch.env_count()) << "nothing is left that could be tried again";
+    EXPECT_TRUE(by_newton > 4 && by_newton < batch.env_count()) << by_newton << " by Newton";
     expect_the_same_on_a_device(packed, chosen, expected);
   }
 }
