@@ -2,8 +2,8 @@
 
 The minimum of -0 and +0 is -0 in PTX, and +0 on the host. Nothing else differs: where x is NaN both give +0. `reached`
 follows such zeros through a function. A product of a number with itself, or with a multiple of itself, has a sign that
-does not depend on them, and neither does a sum with +0; a comparison does not see them; any other sum, a copy and any
-other product pass them on. What is stored, divided by, or handed to a function while they are in it is a finding.
+does not depend on them. Neither has a sum with +0, and a comparison does not see them. Any other sum or product, and a
+copy, pass them on. What is stored, divided by, or handed to a function while they are in it is a finding.
 """
 
 import re
