@@ -74,8 +74,8 @@ def test_a_world_of_boxed_friction_holds_a_box_between_the_axes():
 
 @pytest.mark.parametrize("scene, dtype, solver", RUNS)
 def test_a_world_has_the_bits_of_the_command_line(cli, tmp_path, scene, dtype, solver):
-    flags = ["--solver", "si" if solver == "npgs" else solver, "--tolerance", "1e-5", "--warm-start", "0.9",
-             "--threads", "1"]
+    flags = ["--solver", "si" if solver == "npgs" else solver, "--tolerance", "1e-5", "--iterations", "2000",
+             "--warm-start", "0.9", "--threads", "1"]
     steps = {"bounce": 900}.get(scene, 150)
     before, first, after, last = stepped_by_the_command_line(cli, tmp_path, scene, 3, steps, dtype, *flags)
     bodies, shapes, options = SCENES[scene]()
