@@ -20,9 +20,10 @@ struct ConeMetric {
 template <class Real>
 inline constexpr double kLeastPress = sizeof(Scalar<Real>) == sizeof(float) ? 0x1p-120 : 0x1p-1000;
 
-/// Squares of an axis' friction above this count as much, so that a weight is a number.
+/// A diagonal that is larger than the normal one by more than this counts as much, so that weights are numbers where
+/// the normal one is tiny. Where mu squared is infinite they are not.
 template <class Real>
-inline constexpr double kMostPress = 1.0 / kLeastPress<Real>;
+inline constexpr double kMostRatio = 1.0 / kLeastPress<Real>;
 
 /// The two weights of a further row of a friction cone. Rows that cannot move have the unit of the normal one.
 template <class Real>
@@ -33,9 +34,8 @@ struct AxisWeights {
 template <class Real>
 STICTION_HD AxisWeights<Real> axis_weights(Real d_n, Real d, Real mu) {
   const auto moves = and_(d_n > Real(0), d > Real(0));
-  const Real most(static_cast<Scalar<Real>>(kMostPress<Real>));
-  const Real ratio = select(moves, min_(div_(d, select(moves, d_n, Real(1))), most), Real(1));
-  const Real press = min_((mu * mu) * ratio, most);
+  const Real most(static_cast<Scalar<Real>>(kMostRatio<Real>));
+  const Real press = (mu * mu) * select(moves, min_(div_(d, select(moves, d_n, Real(1))), most), Real(1));
   const auto counts = press > Real(static_cast<Scalar<Real>>(kLeastPress<Real>));
   return {select(and_(moves, counts), press, Real(0)),
           select(counts, div_(Real(1), select(counts, press, Real(1))), Real(0))};
@@ -45,8 +45,9 @@ STICTION_HD AxisWeights<Real> axis_weights(Real d_n, Real d, Real mu) {
 template <class Real>
 STICTION_HD AxisWeights<Real> unit_axis_weights(Real d_n, Real unit_d, Real mu) {
   const auto moves = and_(d_n > Real(0), unit_d > Real(0));
-  const Real most(static_cast<Scalar<Real>>(kMostPress<Real>));
-  const Real press = min_(select(moves, div_(unit_d, select(moves, d_n, Real(1))), mu * mu), most);
+  const Real most(static_cast<Scalar<Real>>(kMostRatio<Real>));
+  const Real ratio = div_(unit_d, select(moves, d_n, Real(1)));
+  const Real press = select(moves, select(finite_(unit_d), min_(ratio, most), ratio), mu * mu);
   const auto counts = press > Real(static_cast<Scalar<Real>>(kLeastPress<Real>));
   return {select(and_(moves, counts), press, Real(0)),
           select(counts, div_(Real(1), select(counts, press, Real(1))), Real(0))};
