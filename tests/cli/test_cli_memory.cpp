@@ -96,7 +96,7 @@ TEST(Memory, UnderALimitTheLimitCounts) {
   EXPECT_EQ(with("3").status, 0);
   EXPECT_TRUE(is_refused(with("1000000"), {"at least 3.1 GB", "MB are free"}));
   // 0.25 GB of state fit, and what a world has beside it does not.
-  EXPECT_TRUE(is_refused(with("80000"), {"out of memory; use a smaller batch"}));
+  EXPECT_TRUE(is_refused(with("76000"), {"out of memory; use a smaller batch"}));
 }
 
 }  // namespace stiction::test

@@ -32,7 +32,7 @@ inline BodySolverOptions golden_newton(const BodySpaceOptions& space) {
   BodySolverOptions options;
   options.method = BodyMethod::newton;
   options.space = space;
-  options.iterations = 6;
+  options.iterations = 24;
   options.threads = 1;
   return options;
 }

@@ -17,6 +17,8 @@ TOLERANCE = 1e-6
 SOLVED = 0
 # Unsolved environments by file, of `auto` to that tolerance; tests/accuracy/test_shared_*.cpp have the reasons.
 UNSOLVED = {"planar.h5": 1, "rockpile.h5": 1, "heap12_mu07.h5": 17, "drake_unsolved.h5": 1, "siconos_unsolved.h5": 1}
+# Called unsolved although it is solved: two diagonals are 1e-316 and 4e-322, whose errors have no digits in doubles.
+TOO_STRICT = {("heap12_mu07.h5", 85)}
 # The interior point needs ten seconds for the first, which is one of coulomb/spheres.h5, too. The second is a rolling problem,
 # which cannot be stated.
 LEFT_OUT = {"spheres-in-a-box-98-i10000-256-10.hdf5", "Chute-ndof-768-nc-4-3.hdf5"}
@@ -53,7 +55,8 @@ def check(stiction, judge, path, folder):
         solved = answer["status"][:] == SOLVED
     complaints = [f"{path.name}[{env}]: {'solved' if says else 'not solved'}, says the status; the judge finds {residual:.3g}"
                   for env, (says, residual) in enumerate(zip(solved, residuals))
-                  if says != (residual <= TOLERANCE * (1 + 1e-6)) and not 0.5 * TOLERANCE < residual < 2 * TOLERANCE]
+                  if says != (residual <= TOLERANCE * (1 + 1e-6)) and not 0.5 * TOLERANCE < residual < 2 * TOLERANCE
+                  and (says or (path.name, env) not in TOO_STRICT)]
     expected = len(residuals) - UNSOLVED.get(path.name, 0)
     if solved.sum() != expected:
         complaints.append(f"{path.name}: {solved.sum()} environments are solved, {expected} were")

@@ -24,7 +24,7 @@ using cuda::EmulatedDeviceOptions;
 struct OwnDevice {
   OwnDevice(const std::string& name, Offset envs, const EmulatedDeviceOptions& device_options)
       : scene(scenes::make_world(name)),
-        options{scene.stepping, {}, 0.01, 0.95},
+        options{scene.stepping, until_solved(), 0.01, 0.95},
         model(scene.description, options),
         device(std::make_shared<EmulatedDevice>(device_options)),
         world(device, model.view(), envs, options) {}
@@ -199,7 +199,7 @@ TEST(DeviceWorld, ADeviceThatFailsAtAnyCallIsAnErrorAndLeaksNothing) {
   }
   // In its constructor, too.
   const scenes::WorldScene scene = scenes::make_world("stack");
-  const WorldOptions options{scene.stepping, {}, 0.01, 0.95};
+  const WorldOptions options{scene.stepping, until_solved(), 0.01, 0.95};
   const WorldModel<double> model(scene.description, options);
   for (const DeviceCall call : {DeviceCall::create, DeviceCall::allocate, DeviceCall::copy, DeviceCall::synchronize}) {
     const auto device = std::make_shared<EmulatedDevice>();

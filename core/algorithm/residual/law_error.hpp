@@ -20,8 +20,8 @@ struct ConeMetric {
 template <class Real>
 inline constexpr double kLeastPress = sizeof(Scalar<Real>) == sizeof(float) ? 0x1p-120 : 0x1p-1000;
 
-/// A diagonal that is larger than the normal one by more than this counts as much, so that weights are numbers where
-/// the normal one is tiny. Where mu squared is infinite they are not.
+/// A larger ratio of a diagonal to the normal one counts as this, so that weights are numbers where the latter is tiny.
+/// Where mu squared is infinite they are not.
 template <class Real>
 inline constexpr double kMostRatio = 1.0 / kLeastPress<Real>;
 
