@@ -163,6 +163,14 @@ STICTION_HD_OUTLINE Real held_error(const EnvView<Real>& env, Index cone, Real s
   });
 }
 
+/// The scale that shares are of: the largest, or what the smallest one's share allows. Beyond that ratio the error of a
+/// small island would be weighed too little.
+template <class Real>
+STICTION_HD Real within_reach(Real largest, Real ratio) {
+  const Real reach(static_cast<Scalar<Real>>(kIdleIsland<Real>));
+  return ratio > reach && finite_(ratio) ? largest * div_(reach, ratio) * Real(0.5) : largest;
+}
+
 /// Turns the cones' own error scales, which are in s.island, into shares of the largest island's. A guess in an island
 /// that needs nothing is left out. is_held(cone, slot): its rows may be held. No search is for such a cone, whose error
 /// would hide that of all others; its share is negative.
@@ -178,10 +186,19 @@ STICTION_HD void weigh_islands(TeamT& team, const EnvView<Real>& env, System& s,
     own_most = max_(s.island[slot.cone], own_most);
   });
   const Real of_others = team.max(own_most), of_held = team.max(own_held);
-  const Real most = of_others > Real(0) ? of_others : of_held;
+  const Real largest = of_others > Real(0) ? of_others : of_held;
+  Real most = largest;
   std::uint32_t differs = 0;
-  for_each_slot(team, env, s, [&](Index, ConeSlot slot) { differs |= s.island[slot.cone] != most ? 1U : 0U; });
-  if (team.combine(differs) != 0) single(team, [&] { spread_scales(s, most); });
+  for_each_slot(team, env, s, [&](Index, ConeSlot slot) { differs |= s.island[slot.cone] != largest ? 1U : 0U; });
+  if (team.combine(differs) != 0) {
+    single(team, [&] { spread_scales(s, largest); });
+    Real ratio(1);
+    for_each_slot(team, env, s, [&](Index, ConeSlot slot) {
+      const Real scale = s.island[slot.cone];
+      if (scale > Real(0)) ratio = max_(div_(largest, scale), ratio);
+    });
+    most = within_reach(largest, team.max(ratio));
+  }
   for_each_slot(team, env, s, [&](Index cone, ConeSlot slot) {
     const Real scale = s.island[slot.cone];
     if (!(scale > Real(0)) && !is_held(cone, slot))
