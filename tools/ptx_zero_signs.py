@@ -10,7 +10,8 @@ import re
 
 FUNCTION = re.compile(r"\.(?:entry|func)\s+(?:\([^)]*\)\s*)?(\w+)")
 INSTRUCTION = re.compile(r"^\s*(?:@!?%\w+\s+)?([a-z][a-z0-9_]*(?:\.[A-Za-z0-9_:]+)*)\s+(.*);\s*$")
-OPERAND = re.compile(r"%\w+|0[fd][0-9A-Fa-f]+|[^\s,]+")
+OPERAND = re.compile(r"%\w+|0[fd][0-9A-Fa-f]+|[^\s,{}\[\]%]+")
+VECTOR = re.compile(r"\s*\{([^}]*)\}")
 ZERO = {"0f00000000", "0d0000000000000000"}
 FLOAT = {"f32", "f64"}
 PASSED_ON = {"add", "sub", "neg", "mov", "selp", "cvt", "sqrt"}
@@ -23,10 +24,11 @@ class Instruction:
         self.name = operation.split(".")[0]
         self.is_float = bool(FLOAT & set(operation.split(".")))
         self.operands = OPERAND.findall(operands)
-
-    @property
-    def sources(self):
-        return self.operands if self.name in {"st", "call", "red"} else self.operands[1:]
+        vector = VECTOR.match(operands)
+        made = len(OPERAND.findall(vector.group(1))) if vector else 1
+        if self.name in {"st", "call", "red"}:
+            made = 0
+        self.results, self.sources = self.operands[:made], self.operands[made:]
 
     def is_zero_minimum(self):
         return self.name == "min" and self.is_float and len(self.operands) == 3 and self.operands[2] in ZERO
@@ -39,8 +41,8 @@ class Function:
         self.instructions = instructions
         self.made_by = {}
         for one in instructions:
-            if one.sources is not one.operands and one.operands:
-                self.made_by.setdefault(one.operands[0], []).append(one)
+            for result in one.results:
+                self.made_by.setdefault(result, []).append(one)
         self.open = set()
 
     def is_multiple(self, product, of):
@@ -82,8 +84,8 @@ class Function:
         while grows:
             grows = False
             for one in self.instructions:
-                if self.passes_on(one) and one.operands[0] not in self.open:
-                    self.open.add(one.operands[0])
+                if self.passes_on(one) and not self.open.issuperset(one.results):
+                    self.open.update(one.results)
                     grows = True
         return [one for one in self.instructions if self.passes_on(one) is None]
 
@@ -131,6 +133,10 @@ def self_test():
         (["div.rn.f32 %f2, %f1, %f8;", "st.global.f32 [%rd1], %f2;"], ["st.global.f32"]),
         (["shfl.sync.bfly.b32 %r1|%p1, %f1, 16, 31, -1;"], ["shfl.sync.bfly.b32"]),
         (["mov.b32 %r1, %f1;"], ["mov.b32"]),
+        (["st.global.v2.f32 [%rd1], {%f1, %f7};"], ["st.global.v2.f32"]),
+        (["st.global.v2.f32 [%rd1], {%f7,%f1};"], ["st.global.v2.f32"]),
+        (["mul.rn.f32 %f2, %f8, %f1;", "ld.global.v2.f32 {%f3, %f2}, [%rd1];", "fma.rn.f32 %f4, %f2, %f1, %f7;",
+          "st.global.f32 [%rd1], %f4;"], ["st.global.f32"]),
     ]
     wrong = [(lines, found, expected) for lines, expected in cases
              if (found := [operation for _, operation, _ in
