@@ -1,5 +1,6 @@
 #include "core/runtime/cone_error.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -9,13 +10,13 @@
 namespace stiction {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-
-/// A bound of that size or more counts as infinite.
-constexpr double kBoundless = 1e20;
-
 /// Numbers of one cone. Their exponents reach far beyond a double's, so that no square over- or underflows.
 using Wide = long double;
+
+constexpr Wide kInfinity = std::numeric_limits<Wide>::infinity();
+
+/// A bound of that size or more counts as infinite.
+constexpr Wide kBoundless = 1e20L;
 
 Wide larger(Wide a, Wide b) {
   return a < b ? b : a;
@@ -26,7 +27,7 @@ Wide smaller(Wide a, Wide b) {
 
 /// A distance; one that is not finite is infinite.
 Wide finite_or_infinite(Wide value) {
-  return std::isfinite(value) ? value : static_cast<Wide>(kInfinity);
+  return std::isfinite(value) ? value : kInfinity;
 }
 
 /// Up to kMaxConeRows numbers.
@@ -35,6 +36,21 @@ struct ConeVector {
   std::size_t size = 0;
 
   void push(Wide value) { at[size++] = value; }
+};
+
+/// The rows that are judged, in the judge's numbers.
+struct WideRows {
+  std::size_t size = 0;
+  std::array<Wide, kMaxConeRows> lambda{}, w{}, diagonal{}, mu{};
+  Wide lo = 0, hi = 0;
+
+  explicit WideRows(const ConeRows& rows)
+      : size(rows.size), lo(static_cast<Wide>(rows.lo)), hi(static_cast<Wide>(rows.hi)) {
+    std::ranges::copy(rows.lambda, lambda.begin());
+    std::ranges::copy(rows.w, w.begin());
+    std::ranges::copy(rows.diagonal, diagonal.begin());
+    std::ranges::copy(rows.mu, mu.begin());
+  }
 };
 
 /// Adds up squares.
@@ -134,16 +150,16 @@ Wide law_error(const Contact& contact) {
 }
 
 /// What brings row k to the unit of the normal row: 1 where one of the two cannot move.
-Wide unit_of(const ConeRows& rows, std::size_t k) {
+Wide unit_of(const WideRows& rows, std::size_t k) {
   if (k == 0 || !(rows.diagonal[0] > 0) || !(rows.diagonal[k] > 0)) return 1;
-  return std::sqrt(static_cast<Wide>(rows.diagonal[0]) / static_cast<Wide>(rows.diagonal[k]));
+  return std::sqrt(rows.diagonal[0] / rows.diagonal[k]);
 }
 
 /// A friction cone under a law, or boxed friction.
-Wide friction_error(const ConeRows& rows, ConeKind kind, Law law) {
+Wide friction_error(const WideRows& rows, ConeKind kind, Law law) {
   Contact contact;
   contact.law = law;
-  contact.x = static_cast<Wide>(rows.diagonal[0]) * rows.lambda[0];
+  contact.x = rows.diagonal[0] * rows.lambda[0];
   contact.y = rows.w[0];
   Norm carried, boxed;  // by axes without friction; errors of boxed axes
   for (std::size_t k = 1; k < rows.size; ++k) {
@@ -173,9 +189,9 @@ void project_matrix(std::array<std::array<Wide, 3>, 3>& S, std::size_t n) {
     bool turned = false;
     for (std::size_t p = 0; p + 1 < n; ++p)
       for (std::size_t q = p + 1; q < n; ++q) {
-        if (std::abs(S[p][q]) <= Wide{1e-21L} * (std::abs(S[p][p]) + std::abs(S[q][q]))) continue;
+        if (std::abs(S[p][q]) <= 1e-21L * (std::abs(S[p][p]) + std::abs(S[q][q]))) continue;
         turned = true;
-        const Wide angle = Wide{0.5} * std::atan2(2 * S[p][q], S[q][q] - S[p][p]);
+        const Wide angle = 0.5L * std::atan2(2 * S[p][q], S[q][q] - S[p][p]);
         const Wide c = std::cos(angle), s = std::sin(angle);
         for (auto* M : {&S, &V})
           for (std::size_t k = 0; k < n; ++k) {
@@ -203,7 +219,7 @@ void project_matrix(std::array<std::array<Wide, 3>, 3>& S, std::size_t n) {
 
 /// Distance from the pair (P(z), P(z) - z) with z = x - y, which obeys the law of semidefinite matrices: sqrt(2) |x -
 /// P(z)|. The 3 or 6 rows are the upper triangle, column by column, off-diagonals times sqrt(2).
-Wide semidefinite_error(const ConeRows& rows) {
+Wide semidefinite_error(const WideRows& rows) {
   Wide trace = 0;
   for (std::size_t k = 0; k < rows.size; ++k) trace += rows.diagonal[k];
   const Wide a = trace > 0 ? trace / static_cast<Wide>(rows.size) : 1;
@@ -222,13 +238,14 @@ Wide semidefinite_error(const ConeRows& rows) {
 
 }  // namespace
 
-double cone_error(const ConeRows& rows, ConeKind kind, Law law) {
+double cone_error(const ConeRows& cone, ConeKind kind, Law law) {
+  const WideRows rows(cone);
   for (std::size_t k = 0; k < rows.size; ++k)
     if (!std::isfinite(rows.lambda[k]) || !std::isfinite(rows.w[k]) || !std::isfinite(rows.diagonal[k]))
-      return kInfinity;
+      return std::numeric_limits<double>::infinity();
   const Wide d = rows.diagonal[0];
-  const auto lower = [d](double at) { return at <= -kBoundless ? -Wide(kInfinity) : d * at; };
-  const auto upper = [d](double at) { return at >= kBoundless ? Wide(kInfinity) : d * at; };
+  const auto lower = [d](Wide at) { return at <= -kBoundless ? -kInfinity : d * at; };
+  const auto upper = [d](Wide at) { return at >= kBoundless ? kInfinity : d * at; };
   Wide error = kInfinity;
   switch (kind) {
     case ConeKind::free:

@@ -15,6 +15,6 @@ struct ConeRows {
 };
 
 /// The error of one cone [w] (docs/math/residual.md); infinite if a number is not finite.
-double cone_error(const ConeRows& rows, ConeKind kind, Law law);
+double cone_error(const ConeRows& cone, ConeKind kind, Law law);
 
 }  // namespace stiction
