@@ -260,7 +260,7 @@ case $what in
   column)
     compare_column si "1 2 3 4" 100 --law coulomb
     compare_column si "1 3" 100 --precision f32 --law convex
-    compare_column consensus "1 3" 200 --subdomains 4 --law convex
+    compare_column consensus "1 3" 400 --subdomains 4 --law convex
     compare_column newton "1 3" 3 --subdomains 4 --law convex
     ;;
   consensus)
