@@ -22,13 +22,14 @@ foreach(flags IN ITEMS "${CMAKE_CXX_FLAGS}" "${CMAKE_CXX_FLAGS_RELEASE}" "${CMAK
 endforeach()
 
 # stiction_keep_lines(target ...): which line each instruction came from, so that tools/check_fused.py can tell a fused
-# operation that fma_() asked for from one that a compiler made. Changes no instruction.
+# operation that fma_() asked for from one that a compiler made. Changes no instruction. The lines are of /stiction, wherever
+# the tree lies: ccache may hand an object of one clone to another.
 option(STICTION_KEEP_LINES "Keep the lines that instructions came from, which the gate of fused operations reads"
        ${STICTION_BUILD_TESTS})
 function(stiction_keep_lines)
   if(STICTION_KEEP_LINES AND CMAKE_CXX_COMPILER_ID MATCHES "GNU|Clang")
     foreach(target IN LISTS ARGN)
-      target_compile_options(${target} PRIVATE -g1)
+      target_compile_options(${target} PRIVATE -g1 "-fdebug-prefix-map=${PROJECT_SOURCE_DIR}=/stiction")
     endforeach()
   endif()
 endfunction()

@@ -19,6 +19,7 @@ import concurrent.futures
 import functools
 import os
 import pathlib
+import posixpath
 import re
 import shutil
 import struct
@@ -39,12 +40,19 @@ MISPLACED = {
     "const Real r = ax[k] - z[k];",
 }
 SKIPPED = 77
+TREE = pathlib.Path(__file__).resolve().parent.parent
+ANY_CLONE = "/stiction/"  # how cmake/fp_policy.cmake has the tree named in an object
+
+
+def in_tree(path):
+    """The file that an object's line table names."""
+    return TREE / posixpath.normpath(path)[len(ANY_CLONE):] if path.startswith(ANY_CLONE) else pathlib.Path(path)
 
 
 @functools.lru_cache(maxsize=None)
 def source(path):
     try:
-        return pathlib.Path(path).read_text(errors="replace").splitlines()
+        return in_tree(path).read_text(errors="replace").splitlines()
     except OSError:
         return []
 
@@ -139,9 +147,11 @@ def self_test():
              (begin + "/s/body.hpp:1\n   4:\tvaddsubpd %xmm1,%xmm2,%xmm3\n", 0)]
     failed = [text for text, expected in cases
               if len(findings(text, "planted", lambda path: sources.get(path, []))[1]) != expected]
+    failed += [path for path in (ANY_CLONE + "tools/check_fused.py", ANY_CLONE + "build/../tools/check_fused.py")
+               if in_tree(path) != pathlib.Path(__file__).resolve()]
     for text in failed:
-        print(f"self-test: wrong count for {text!r}")
-    print(f"self-test: {len(cases)} cases, {len(failed)} failed")
+        print(f"self-test: wrong answer for {text!r}")
+    print(f"self-test: {len(cases) + 2} cases, {len(failed)} failed")
     return 1 if failed else 0
 
 
