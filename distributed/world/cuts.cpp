@@ -14,7 +14,7 @@ constexpr std::size_t kDigits = std::size_t{1} << kDigitBits;
 
 /// Orders coordinates, and points of equal coordinate by number.
 std::uint64_t key_of(double coordinate, Index number) {
-  constexpr double kMost = std::numeric_limits<float>::max();
+  constexpr auto kMost = static_cast<double>(std::numeric_limits<float>::max());
   const double bounded = coordinate < -kMost ? -kMost : coordinate > kMost ? kMost : coordinate;
   const float x = bounded == bounded ? static_cast<float>(bounded) + 0.0F : 0.0F;  // of the two zeros one
   const auto bits = std::bit_cast<std::uint32_t>(x);
