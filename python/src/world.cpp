@@ -1,6 +1,7 @@
 #include "stiction/world.hpp"
 
 #include <nanobind/stl/array.h>
+#include <nanobind/stl/pair.h>
 #include <nanobind/stl/string.h>
 
 #include <algorithm>
@@ -326,6 +327,13 @@ WorldOptions options_from(const BodyOptions& options, double margin, double warm
 }  // namespace
 
 void bind_world(nb::module_& module) {
+  module.def(
+      "until_solved",
+      [](bool wide) {
+        const BodySolverOptions options = wide ? until_solved<double>() : until_solved<float>();
+        return std::pair(options.iterations, options.tolerance);
+      },
+      nb::arg("wide"), "(iterations, tolerance) of a world by default.");
   nb::class_<KeptStep>(module, "WorldStep", "A step of a world, kept for its derivative.")
       .def("pull", &KeptStep::pull, nb::arg("twist"), nb::arg("position"));
   nb::class_<SharedWorld>(module, "World", "Worlds of rigid bodies on one device.")

@@ -57,18 +57,21 @@ struct WorldDescription {
 /// \throws Error(invalid_argument) for a plane, which has no mass.
 WorldBody solid_body(const WorldShape& shape, double density);
 
-/// Sweeps until a step is solved to 1e-4. A stack of 0.1 kg and 10 kg in turn needs a thousand.
-inline BodySolverOptions until_solved() {
+/// Sweeps until a step is solved: to 1e-4, in double precision to 1e-7. A stack of 0.1 kg and 10 kg in turn needs one
+/// or two thousand.
+template <class Real = float>
+BodySolverOptions until_solved() {
+  constexpr bool wide = sizeof(Real) == sizeof(double);
   BodySolverOptions options;
-  options.iterations = 2000;
-  options.tolerance = 1e-4;
+  options.iterations = wide ? 4000 : 2000;
+  options.tolerance = wide ? 1e-7 : 1e-4;
   return options;
 }
 
 /// What a World is told when it is made.
 struct WorldOptions {
   TimeStepping stepping;  ///< the step, and how contacts enter it
-  /// substeps must be 1: a world detects contacts in every step.
+  /// substeps must be 1: a world detects contacts in every step. until_solved<double>() is for a World<double>.
   BodySolverOptions solver = until_solved();
   double margin = 0.01;      ///< gap up to which a pair is a contact even if it does not close, >= 0 [m]
   double warm_start = 0.95;  ///< share of a contact's last impulse its next one starts from, in [0, 1]; 0: none [-]
