@@ -79,7 +79,8 @@ def test_a_world_has_the_bits_of_the_command_line(cli, tmp_path, scene, dtype, s
     steps = {"bounce": 900}.get(scene, 150)
     before, first, after, last = stepped_by_the_command_line(cli, tmp_path, scene, 3, steps, dtype, *flags)
     bodies, shapes, options = SCENES[scene]()
-    world = World(bodies, shapes, 3, dtype=dtype, solver=solver, tolerance=1e-5, warm_start=0.9, **options)
+    world = World(bodies, shapes, 3, dtype=dtype, solver=solver, tolerance=1e-5, max_iterations=2000, warm_start=0.9,
+                  **options)
     world.reset(position=before.position, orientation=before_normalised(before.orientation), twist=before.twist)
     assert world.hash() == first["hash"]
     contacts = 0
