@@ -46,8 +46,8 @@ void expect_the_judges_residual(const Environment<double>& env, const std::vecto
   EXPECT_NEAR(body_residual<kLaw>(env, lambda), judged, 1e-12 * std::max(judged, largest)) << what;
 }
 
-/// Reactions drawn at random, which no contact's law allows, and those of a few sweeps, which are near one of its
-/// members: open, sticking, or sliding.
+/// Reactions drawn at random, which no contact's law allows. Then those of a few sweeps, near one of its members: open,
+/// sticking, or sliding.
 template <Law kLaw>
 void expect_the_judges_residuals(std::uint64_t seed) {
   Recipe recipe;
