@@ -19,6 +19,7 @@ struct PackIslands {
     // A slot without a cone in some lane has no diagonal there, and waits for nothing.
     for (Index s = 0; s < pack.counts.slots; ++s)
       scale.put(s, select(pack.press_of(pack.slots[s]) > Double(0), scale[s], most));
+    if (any(behind(scale, most))) raise_neighbours(scale, reach, most);
     while (any(behind(scale, most)) && spread(scale, reach)) {
     }
     for (Index s = 0; s < pack.counts.slots; ++s)
@@ -44,7 +45,24 @@ struct PackIslands {
     return found;
   }
 
-  /// One pass. Returns whether any scale has grown.
+  /// Raises the scales of cones that share a degree of freedom with one of the largest scale. That is most often all
+  /// of them, by their first column, and no pass follows.
+  STICTION_HD void raise_neighbours(const Doubles& scale, const Doubles& reach, Double most) const {
+    for (Index k = 0; k < pack.tree.dofs; ++k) reach.put(k, Double(0));
+    for (Index s = 0; s < pack.counts.slots; ++s) {
+      const auto is_top = not_(scale[s] < most);
+      if (!any(is_top)) continue;
+      for (Index c = 0; c < pack.slots[s].columns; ++c) {
+        const Index dof = pack.slots[s].dof[c];
+        reach.put(dof, select(and_(is_top, touches(pack.slots[s], c)), most, reach[dof]));
+      }
+    }
+    for (Index s = 0; s < pack.counts.slots; ++s)
+      for (Index c = 0; c < pack.slots[s].columns && any(scale[s] < most); ++c)
+        scale.put(s, select(touches(pack.slots[s], c), max_(reach[pack.slots[s].dof[c]], scale[s]), scale[s]));
+  }
+
+  /// One pass. Returns true if any scale has grown.
   STICTION_HD bool spread(const Doubles& scale, const Doubles& reach) const {
     for (Index k = 0; k < pack.tree.dofs; ++k) reach.put(k, Double(0));
     for (Index s = 0; s < pack.counts.slots; ++s)
