@@ -41,13 +41,14 @@ ALGORITHM = {
     "solver": ["problem", "system", "sweep", "residual", "linear"],
     "driver": ["problem", "system", "sweep", "residual", "load", "solver"],
     "pack": ["problem", "system", "residual", "load", "driver"],
-    "rigid": ["problem", "system", "sweep", "residual", "load", "linear", "driver", "pack"],
+    "newton": [],
+    "rigid": ["problem", "system", "sweep", "residual", "load", "linear", "driver", "pack", "newton"],
     "plan": [],
     "collision": ["rigid", "plan"],
     "jacobian": [],
     "derivative": ["problem", "system", "sweep", "residual", "linear", "pack", "jacobian", "velocity"],
     "unrolled": ["problem", "system", "sweep", "residual", "load", "driver", "derivative"],
-    "velocity": ["problem", "system", "sweep", "residual", "load", "linear", "jacobian"],
+    "velocity": ["problem", "system", "sweep", "residual", "load", "linear", "jacobian", "newton"],
     "warm_start": ["plan"],
 }
 

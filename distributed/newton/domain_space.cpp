@@ -76,7 +76,7 @@ void DomainSpace::set_weight(double weight) {
 }
 
 template <class Real>
-void DomainSpace::start(const BodyEnv<Real>& env, const Real* impulse, SpaceProgress& progress) {
+void DomainSpace::start(const BodyEnv<Real>& env, const Real* impulse, NewtonSequence& sequence) {
   // Impulses are those of all contacts here: bodies that are seen are pushed by contacts that the reach does not have.
   for (Index p = 0; p < env.kept; ++p)
     for (Index k = 0; k < 3; ++k)
@@ -84,11 +84,8 @@ void DomainSpace::start(const BodyEnv<Real>& env, const Real* impulse, SpaceProg
   for (const Index body : reach_.seen) start_body(workspace_, body);
   // Enough compliance takes the proximal term's place from the first step on. With a weight
   // that falls each problem finds anew what opens: up to twice the steps (docs/math/domain_newton.md).
-  progress.prox_weight = progress.prox_weight_end > 0.0 ? kProxWeightStart : 0.0;
-  progress.reference = 0.0;
-  progress.renewed = __builtin_huge_val();
-  progress.inner_steps = 0;
-  set_weight(progress.prox_weight);
+  sequence.start(sequence.least_weight > 0.0 ? kProxWeightStart : 0.0);
+  set_weight(sequence.prox_weight);
   for_contacts([&](SpaceContact& contact) { start_contact(workspace_, contact, compliance_); });
 }
 
@@ -130,10 +127,10 @@ void DomainSpace::solve_linear(SpaceSystem system, double tolerance) {
   linear_steps_ += outcome.iterations;
 }
 
-bool DomainSpace::take_step(SpaceProgress& progress) {
+bool DomainSpace::take_step(NewtonSequence& sequence) {
   const double energy = dot_product(team_, workspace_.H.unknowns(), workspace_.descent, workspace_.force);
   assemble_curvature();
-  solve_linear(SpaceSystem::symmetric, linear_tolerance(energy, progress));
+  solve_linear(SpaceSystem::symmetric, sequence.step_tolerance(energy));
   for_contacts([&](SpaceContact& contact) { relative_motion(contact, workspace_.step, contact.along); });
   // Of a subdomain: f'd, d'Md, what contacts add to the slope at 0, and the magnitudes it is made of.
   const auto begin = team_.sum<4>([&](int domain, std::array<double, 4>& sum) {
@@ -146,7 +143,7 @@ bool DomainSpace::take_step(SpaceProgress& progress) {
   });
   const double slope = 0.0 - begin[0], noise = 0x1p-50 * begin[3];
   const LinePoint bodies{slope - begin[2], begin[1]};
-  const bool is_exhausted = !(slope < 0.0 - noise);
+  const bool falls = slope < 0.0 - noise;
   const auto look = [&](double alpha) {
     const auto contacts = team_.sum<2>([&](int domain, std::array<double, 2>& sum) {
       for (const Index p : domains_.contacts[at(domain)]) {
@@ -157,17 +154,17 @@ bool DomainSpace::take_step(SpaceProgress& progress) {
     });
     return at_place(bodies, {contacts[0], contacts[1]}, alpha);
   };
-  const double alpha = is_exhausted ? 1.0 : search_line(look, slope, kSpaceSlopeLeft, noise);
+  const double alpha = falls ? search_line(look, slope, kSpaceSlopeLeft, noise) : 1.0;
   for_numbers([&](Offset i) { workspace_.point[i] = follow_line(workspace_.point[i], workspace_.step[i], alpha); });
   for_contacts([&](SpaceContact& contact) { follow_line(contact, alpha); });
-  return is_exhausted;
+  return falls;
 }
 
-void DomainSpace::renew_problem(SpaceProgress& progress) {
+void DomainSpace::renew_problem(NewtonSequence& sequence) {
   const bool with_sliding = workspace_.law == Law::coulomb;
   for_contacts([](SpaceContact& contact) { std::copy_n(contact.reaction, 3, contact.prox_center); });
-  fall_weight(progress);
-  set_weight(progress.prox_weight);
+  sequence.fall();
+  set_weight(sequence.prox_weight);
   assemble_curvature();
   for_contacts([&](SpaceContact& contact) { prepare_renewal(contact, compliance_, with_sliding); });
   for (const Index row : reach_.rows) renew_descent_of(workspace_, row);
@@ -175,7 +172,7 @@ void DomainSpace::renew_problem(SpaceProgress& progress) {
     for (const Index row : reach_.rows)
       for (Index k = workspace_.stream.pattern.offsets[row]; k < workspace_.stream.pattern.offsets[row + 1]; ++k)
         assemble_block(workspace_, row, k, workspace_.sliding.block(k));
-  solve_linear(with_sliding ? SpaceSystem::sliding : SpaceSystem::symmetric, kFollowTolerance);
+  solve_linear(with_sliding ? SpaceSystem::sliding : SpaceSystem::symmetric, kRenewalTolerance);
   for_contacts([&](SpaceContact& contact) { finish_renewal(workspace_, contact, compliance_, with_sliding); });
   for_numbers([&](Offset i) { workspace_.point[i] = workspace_.point[i] + workspace_.step[i]; });
 }
@@ -184,7 +181,7 @@ template DomainSpace::DomainSpace(Transport&, const BodyEnv<float>&, const SiPar
                                   std::span<const int>, std::span<const Point>, Ordering);
 template DomainSpace::DomainSpace(Transport&, const BodyEnv<double>&, const SiParams&, Law, const Domains&,
                                   const Reach&, std::span<const int>, std::span<const Point>, Ordering);
-template void DomainSpace::start(const BodyEnv<float>&, const float*, SpaceProgress&);
-template void DomainSpace::start(const BodyEnv<double>&, const double*, SpaceProgress&);
+template void DomainSpace::start(const BodyEnv<float>&, const float*, NewtonSequence&);
+template void DomainSpace::start(const BodyEnv<double>&, const double*, NewtonSequence&);
 
 }  // namespace stiction::distributed

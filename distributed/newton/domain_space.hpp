@@ -21,13 +21,13 @@ class DomainSpace {
 
   /// Begins a first problem at those impulses, three numbers of each contact in the environment's order.
   template <class Real>
-  void start(const BodyEnv<Real>& env, const Real* impulse, SpaceProgress& progress);
+  void start(const BodyEnv<Real>& env, const Real* impulse, NewtonSequence& sequence);
   /// Reactions and descent. Returns the largest motion that the descent would bring to a contact [w].
   double renew_reactions();
-  /// One Newton step. Whether there was nothing left to gain but rounding.
-  bool take_step(SpaceProgress& progress);
+  /// One Newton step. Returns false if the function falls by no more than rounding.
+  bool take_step(NewtonSequence& sequence);
   /// The centre moves to the reactions, the weight falls, and the first step of the new problem is taken.
-  void renew_problem(SpaceProgress& progress);
+  void renew_problem(NewtonSequence& sequence);
 
   /// Where the weight of the proximal term ends.
   [[nodiscard]] double least_weight() const;

@@ -56,7 +56,7 @@ class NewtonOfEnv {
     const EnvStatus start = judge_.verdict(env.warm_start);
     is_refused_ = start.code == EnvCode::invalid_input;
     flags_ = start.flags;
-    progress_.sweeps = domains.sweeps;
+    sequence.sweeps = domains.sweeps;
     if (is_refused_) return;
     if (env.warm_start != nullptr && (flags_ & kFlagWarmStartRejected) == 0)
       std::copy_n(env.warm_start, best_impulse_.size(), best_impulse_.begin());
@@ -74,15 +74,14 @@ class NewtonOfEnv {
   }
 
   void solve(RankReport& report, NewtonCounts& counts) {
-    SpaceEnd end = kSpaceMet;
+    NewtonEnd end = NewtonEnd::solved;
     if (!is_refused_) {
       const RankMeter meter(transport_);
-      progress_.scale =
-          error_scale(options_.law == Law::convex ? largest_error_at_rest<Law::convex>(env_, params_, 0.0)
-                                                  : largest_error_at_rest<Law::coulomb>(env_, params_, 0.0));
-      progress_.scale.unit = 1.0;
-      progress_.tolerance = options_.tolerance;
-      end = iterate();
+      scale_ = error_scale(options_.law == Law::convex ? largest_error_at_rest<Law::convex>(env_, params_, 0.0)
+                                                       : largest_error_at_rest<Law::coulomb>(env_, params_, 0.0));
+      scale_.unit = 1.0;
+      sequence.least_weight = space_->least_weight();
+      end = stiction::solve_by_newton(*this, steps_, options_.iterations);
       meter.add_to(report);
       report.bodies += static_cast<Offset>(reach_.seen.size());
       report.ghosts += static_cast<Offset>(reach_.seen.size());
@@ -95,57 +94,31 @@ class NewtonOfEnv {
     publish(end);
   }
 
- private:
-  void free_twist(Index body, double* twist) const {
-    double change[6];
-    free_twist_of(env_, body, change, twist);
+  // What solve_by_newton() of core/algorithm/newton calls.
+  NewtonSequence sequence{};
+  double start() {
+    const double residual = judge();
+    ask_judge();
+    return residual;
   }
-  double* twist_of(Index body) { return twist_.data() + 6 * static_cast<Offset>(body); }
-
-  /// The steps of newton_bodies.hpp, from the best impulses there are.
-  SpaceEnd iterate() {
-    double residual = evaluate();
-    if (is_answered()) return kSpaceMet;
-    if (!finite_(residual)) return kSpaceBroken;
-    if (options_.iterations == 0) return kSpaceOutOfSteps;
-    progress_.prox_weight_end = space_->least_weight();
-    const bool is_coulomb = options_.law == Law::coulomb;
-    double inner = sweep_closer();
-    if (is_answered()) return kSpaceMet;
-    for (Index since_best = 0; steps_ < options_.iterations;) {
-      const bool is_exhausted = space_->take_step(progress_);
-      ++steps_;
-      inner = space_->renew_reactions();
-      store_reactions();
-      const double before = progress_.best;
-      residual = evaluate();
-      if (is_answered()) return kSpaceMet;
-      if (!finite_(residual)) return kSpaceBroken;
-      since_best = progress_.best < before ? 0 : since_best + 1;
-      const bool is_renewed = is_coulomb || progress_.prox_weight > 0.0;
-      if (since_best >= kSpacePatience || (is_exhausted && !is_renewed)) return kSpaceStalled;
-      if (steps_ == options_.iterations) break;
-      const bool is_long = is_coulomb && ++progress_.inner_steps >= kSpaceInnerSteps;
-      const bool is_solved = is_exhausted || inner <= kSpaceInnerPart * residual;
-      if (is_coulomb && (is_long || (is_solved && residual > progress_.renewed))) {
-        inner = sweep_closer();
-        if (is_answered()) return kSpaceMet;
-      } else if (is_renewed && is_solved) {
-        progress_.renewed = residual;
-        space_->renew_problem(progress_);
-        ++steps_;
-        inner = space_->renew_reactions();
-      }
-    }
-    return kSpaceOutOfSteps;
+  bool sweeps_first() const { return true; }
+  bool step() { return space_->take_step(sequence); }
+  NewtonResidual evaluate() {
+    const double problem = space_->renew_reactions();
+    store_reactions();
+    const double iterate = judge();
+    ask_judge();
+    return {iterate, problem};
   }
-
-  /// Sweeps from the best iterate by sequential impulses over ranks, and a first problem there.
-  double sweep_closer() {
+  bool is_solved() const { return is_solved_; }
+  bool has_sequence() const { return options_.law == Law::coulomb || sequence.prox_weight > 0.0; }
+  bool can_sweep() const { return options_.law == Law::coulomb; }
+  /// Sequential impulses over ranks.
+  void sweep() {
     share_best(true);
     BodySolverOptions sweeping = options_;
     sweeping.method = BodyMethod::impulses;
-    sweeping.iterations = progress_.sweeps;
+    sweeping.iterations = sequence.sweeps;
     BodySolution<Real> swept;
     BodySolutionView<Real> view;
     if (transport_.rank() == 0) {
@@ -167,13 +140,25 @@ class NewtonOfEnv {
     std::vector<Letter> in = exchange_with_all(transport_, out);
     if (transport_.rank() != 0)
       for (Real& number : impulse_) number = in.front().template take<Real>();
-    const double before = progress_.best;
-    evaluate();
-    if (progress_.best < before) best_impulse_ = impulse_;
-    progress_.sweeps = progress_.sweeps < kMostSpaceSweeps ? 2 * progress_.sweeps : progress_.sweeps;
-    space_->start(env_, best_impulse_.data(), progress_);
-    return space_->renew_reactions();
+    const double before = sequence.best;
+    judge();
+    if (sequence.best < before) best_impulse_ = impulse_;
+    sequence.double_sweeps();
+    space_->start(env_, best_impulse_.data(), sequence);
+    space_->renew_reactions();
+    ask_judge();
   }
+  void renew() {
+    space_->renew_problem(sequence);
+    space_->renew_reactions();
+  }
+
+ private:
+  void free_twist(Index body, double* twist) const {
+    double change[6];
+    free_twist_of(env_, body, change, twist);
+  }
+  double* twist_of(Index body) { return twist_.data() + 6 * static_cast<Offset>(body); }
 
   void store_reactions() {
     for (const Index p : reach_.contacts)
@@ -183,7 +168,7 @@ class NewtonOfEnv {
   }
 
   /// The residual of the impulses [w]; if it is the best, they are kept.
-  double evaluate() {
+  double judge() {
     for (const Index row : reach_.rows) {
       if (env_.is_kinematic(row)) continue;
       double change[6], free[6];
@@ -201,24 +186,21 @@ class NewtonOfEnv {
       }
     const LargestResidual<double> own = largest;
     for (const LargestResidual<double>& one : gather(transport_, own)) largest.add(one);
-    const double residual = final_residual_of(largest, progress_.scale).residual;
-    if (!progress_.has_best || residual < progress_.best) {
-      progress_.best = residual;
-      progress_.has_best = true;
+    const double residual = final_residual_of(largest, scale_).residual;
+    if (sequence.keep(residual))
       for_home_numbers(transport_.rank(), [&](std::size_t number) { best_impulse_[number] = impulse_[number]; });
-    }
     return residual;
   }
 
-  /// Whether a judge finds that the best impulses are the answer.
-  bool is_answered() {
+  /// Asks the judge whether the best impulses are the answer.
+  void ask_judge() {
     // An estimate of the same numbers: it may differ from the verdict by a rounding, and so is held against it once.
-    if (!is_met(progress_) || progress_.best > 0.5 * refused_at_) return false;
-    refused_at_ = progress_.best;
+    if (!sequence.is_within(options_.tolerance, scale_.largest) || sequence.best > 0.5 * refused_at_) return;
+    refused_at_ = sequence.best;
     share_best(false);
     std::uint8_t is_solved = 0;
     if (transport_.rank() == 0) is_solved = judge_.verdict(best_impulse_.data()).code == EnvCode::solved ? 1 : 0;
-    return gather(transport_, is_solved).front() != 0;
+    is_solved_ = gather(transport_, is_solved).front() != 0;
   }
 
   /// f(place) for the numbers of a rank's contacts.
@@ -242,14 +224,14 @@ class NewtonOfEnv {
         for_home_numbers(rank, [&](std::size_t number) { best_impulse_[number] = in[at(rank)].template take<Real>(); });
   }
 
-  void publish(SpaceEnd end) {
+  void publish(NewtonEnd end) {
     if (!is_refused_) share_best(false);
     if (transport_.rank() != 0) return;
     EnvStatus status = judge_.verdict(is_refused_ ? one_.warm_start : best_impulse_.data());
     if (status.code == EnvCode::max_iterations)
-      status.code = end == kSpaceBroken    ? EnvCode::numerical
-                    : end == kSpaceStalled ? EnvCode::stalled
-                                           : EnvCode::max_iterations;
+      status.code = end == NewtonEnd::broken    ? EnvCode::numerical
+                    : end == NewtonEnd::stalled ? EnvCode::stalled
+                                                : EnvCode::max_iterations;
     status.flags |= flags_;
     status.iterations = steps_;
     status.solver = SolverKind::newton;
@@ -273,8 +255,8 @@ class NewtonOfEnv {
   /// By contact; a rank has those of its reach, and of the best those of its subdomains.
   std::vector<Real> impulse_, best_impulse_;
   std::vector<double> twist_;  ///< of bodies under all impulses, of the reach's rows
-  SpaceProgress progress_;
-  bool is_refused_ = false;
+  ErrorScale scale_;
+  bool is_refused_ = false, is_solved_ = false;
   std::uint32_t flags_ = 0;
   double refused_at_ = __builtin_huge_val();
   Index steps_ = 0, sweeps_ = 0;

@@ -1,12 +1,10 @@
 #pragma once
 
+#include "core/algorithm/newton/outer_loop.hpp"
 #include "core/algorithm/rigid/newton/body_hessian.hpp"
 #include "core/algorithm/rigid/newton/precondition.hpp"
 
 namespace stiction::inline STICTION_ISA {
-
-/// Residual of the linear system of the first step after a renewal.
-inline constexpr double kFollowTolerance = 1e-4;
 
 /// A contact's answer to a change of motion with its shift s = mu norm(w_t) going along (docs/math/body_newton.md,
 /// (7)). With e the normal row, dz = first - (1 + e r')^-1 (1 + e sigma') J d / c.
@@ -106,7 +104,7 @@ STICTION_HD_OUTLINE void follow_renewal(TeamT& team, const SpaceWorkspace& works
   for_each(team, workspace.contacts, [&](Index p) { prepare_renewal(workspace.contact[p], compliance, with_sliding); });
   renew_descent(team, workspace);
   if (with_sliding) assemble_sliding(team, workspace);
-  solve_space(team, workspace, space, with_sliding ? SpaceSystem::sliding : SpaceSystem::symmetric, kFollowTolerance);
+  solve_space(team, workspace, space, with_sliding ? SpaceSystem::sliding : SpaceSystem::symmetric, kRenewalTolerance);
   for_each(team, workspace.contacts,
            [&](Index p) { finish_renewal(workspace, workspace.contact[p], compliance, with_sliding); });
   for_each(team, workspace.bodies * kBodyBlock,

@@ -6,13 +6,11 @@
 #include "core/algorithm/linear/block/scalar_diagonal.hpp"
 #include "core/algorithm/linear/block/sparse_inverse.hpp"
 #include "core/algorithm/linear/multigrid/multigrid.hpp"
+#include "core/algorithm/newton/outer_loop.hpp"
 #include "core/algorithm/rigid/newton/space_room.hpp"
 #include "stiction/body_space.hpp"
 
 namespace stiction::inline STICTION_ISA {
-
-/// Steps of conjugate gradients in one linear system, at most; what they leave is still a direction of descent.
-inline constexpr Index kMostGradientSteps = 1000;
 
 /// Doubles that a preconditioner keeps. For the host, which makes room.
 inline Offset preconditioner_doubles(const NewtonStream& stream, const BodySpaceOptions& space) {

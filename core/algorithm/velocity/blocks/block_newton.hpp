@@ -1,5 +1,6 @@
 #pragma once
 
+#include "core/algorithm/newton/outer_loop.hpp"
 #include "core/algorithm/velocity/blocks/block_renewal.hpp"
 #include "core/algorithm/velocity/blocks/block_sweeps.hpp"
 #include "core/algorithm/velocity/blocks/evaluate_blocks.hpp"
@@ -11,23 +12,10 @@ namespace stiction::inline STICTION_ISA {
 template <Team TeamT, class Real>
 class BlockNewton {
  public:
-  /// Steps of a method of gradients in one linear system, at most; what they leave is still a direction of descent.
-  static constexpr Index kMostGradientSteps = 1000;
-  /// Part of its first residual to which a linear system is solved at least: a step's, and that of a renewal.
-  static constexpr double kStepPart = 0.1, kRenewalPart = 1e-4;
   /// Part of the slope at the beginning of a line that may be left where it ends.
   static constexpr double kSlopeLeft = 0.1;
-  /// Weight of the proximal term over A's diagonal at the beginning, its factor whenever the problem with it is solved,
-  /// and its least. Below, rounding over the weight would be more than the proximal term still hides.
-  static constexpr double kFirstWeight = 1e-2, kWeightFall = 0.1, kLeastWeight = 1e-7;
-  /// Part of the answer's residual that a problem may leave before the next one.
-  static constexpr double kInnerPart = 0.1;
-  /// Steps without a better answer after which there is none to come; steps in all, without and with Coulomb's law.
-  static constexpr Index kPatience = 100, kMostConvexSteps = 500, kMostCoulombSteps = 200;
-  /// Sweeps before the first step of a sequence of problems, of which a residual is evaluated every kSweepChunk. Under
-  /// Coulomb's law they also go on wherever a problem has taken kLongProblem steps or has led away. Each time they are
-  /// twice as many, up to kMostSweeps.
-  static constexpr Index kFirstSweeps = 48, kSweepChunk = 16, kMostSweeps = 3072, kLongProblem = 12;
+  /// Steps in all, without and with Coulomb's law; sweeps of which a residual is evaluated.
+  static constexpr Index kMostConvexSteps = 500, kMostCoulombSteps = 200, kSweepChunk = 16;
 
   STICTION_HD BlockNewton(TeamT& team, const VelocityJob<Real>& job, const LaneEnv<Real>& env, BlockLists& lists,
                           const BlockWorkspace& numbers)
@@ -45,8 +33,113 @@ class BlockNewton {
   STICTION_HD_OUTLINE VelocityResult run() {
     progress_.set_limits(job_, env_.env, job_.law == Law::coulomb ? kMostCoulombSteps : kMostConvexSteps);
     // With tolerance 0 every iteration is asked for, and this method would end at rounding.
-    if (progress_.tolerance > 0.0 && load()) solve();
+    if (progress_.tolerance > 0.0 && load()) solve_by_newton(*this, progress_.steps, progress_.max_iterations);
     return progress_.result();
+  }
+
+  // What solve_by_newton() calls.
+  NewtonSequence sequence{};
+  [[nodiscard]] STICTION_HD bool is_solved() const { return progress_.is_answered; }
+  [[nodiscard]] STICTION_HD bool has_sequence() const { return progress_.has_outer; }
+  [[nodiscard]] STICTION_HD bool sweeps_first() {
+    can_sweep_ = progress_.has_outer && sweeping_.find(team_);
+    return can_sweep_;
+  }
+  [[nodiscard]] STICTION_HD bool can_sweep() const { return can_sweep_ && has_slip_; }
+
+  /// The first point: no change of v_free, or what the warm start says if the function (3) is not larger there.
+  STICTION_HD_OUTLINE double start() {
+    const bool by_reactions =
+        job_.warm_start != nullptr && (progress_.has_outer || job_.warm_velocity == nullptr) && load_reactions();
+    refresh();
+    evaluate();
+    if (by_reactions && !progress_.is_answered) {
+      for_each(team_, env_.rows, [&](Index row) { n_.x[row] = n_.held[row]; });
+      evaluate();
+    }
+    if (is_solved()) return progress_.residual;
+    const bool by_velocity = !by_reactions && job_.warm_velocity != nullptr && has_finite_velocity();
+    if (!by_reactions && !by_velocity) return progress_.residual;
+    refresh();
+    const double without = terms_.value(team_, mass_);
+    if (by_reactions) judge_.push(team_, n_.held);
+    for_each(team_, lists_.dofs.count, [&](Index block) {
+      for (Index i = 0; i < lists_.dofs.size(block); ++i) {
+        const Offset at = static_cast<Offset>(block) * kBodyBlock + i;
+        n_.point[at] = by_reactions ? n_.pushed[at] : first_velocity(lists_.dofs.first_dof[block] + i) - n_.v_free[at];
+      }
+    });
+    refresh();
+    evaluate();
+    if (is_solved() || terms_.value(team_, mass_) <= without) return progress_.residual;
+    for_each(team_, terms_.unknowns(), [&](Index i) { n_.point[i] = 0.0; });
+    refresh();
+    return progress_.residual;
+  }
+
+  STICTION_HD_OUTLINE bool step() {
+    const double energy = force_energy();
+    const double tolerance = sequence.step_tolerance(energy);
+    if (!(energy > 0.0)) return false;
+    terms_.refresh_hessian(team_, mass_, H_);
+    const IncompleteCholesky preconditioner{lists_.levels.view, n_.lower};
+    preconditioner.prepare(team_, H_);
+    conjugate_gradient(team_, H_, system(tolerance), preconditioner);
+    const BlockTerms::Along along = terms_.look_along(team_, mass_);
+    if (!(along.slope < 0.0 - along.noise)) return false;
+    const auto look = [&](double t) { return terms_.look_at(team_, along, t); };
+    terms_.take_step(team_, search_line(look, along.slope, kSlopeLeft, along.noise));
+    terms_.refresh_reactions(team_);
+    terms_.refresh_force(team_, mass_);
+    return true;
+  }
+
+  /// The reactions are written if their residual is small enough.
+  STICTION_HD_OUTLINE NewtonResidual evaluate() {
+    for_each(team_, env_.rows,
+             [&](Index row) { n_.answer[row] = static_cast<double>(canonical_zero(saturated<Real>(n_.x[row]))); });
+    const BlockResidual evaluated = judge_.evaluate(team_);
+    progress_.template take<Real>(evaluated.found);
+    if (sequence.keep(progress_.residual))
+      for_each(team_, env_.rows, [&](Index row) { n_.best[row] = n_.answer[row]; });
+    if (progress_.is_answered) write();
+    return {progress_.residual, evaluated.inner};
+  }
+  STICTION_HD_OUTLINE void sweep() {
+    for_each(team_, env_.rows, [&](Index row) { n_.x[row] = n_.best[row]; });
+    judge_.push(team_, n_.x);
+    BlockSweeps::Momentum momentum = sweeping_.start(team_);
+    for (Index k = 0; k < sequence.sweeps; k += kSweepChunk) {
+      sweeping_.run(team_, kSweepChunk, momentum);
+      evaluate();
+      if (is_solved()) return;
+      // The velocities are those of the reactions that were judged.
+      for_each(team_, env_.rows, [&](Index row) { n_.x[row] = n_.answer[row]; });
+    }
+    sequence.double_sweeps();
+    sequence.start(kProxWeightStart);
+    set_weights(sequence.prox_weight);
+    start_at_best();
+  }
+  STICTION_HD_OUTLINE void renew() {
+    sequence.fall();
+    const BlockRenewal renewal{terms_, sequence.prox_weight, has_slip_, has_slip_};
+    for_each(team_, terms_.cones().cones, [&](Index c) { renewal.change_cone(c); });
+    terms_.refresh_force(team_, mass_);
+    terms_.refresh_hessian(team_, mass_, H_);
+    const IncompleteCholesky preconditioner{lists_.levels.view, n_.lower};
+    preconditioner.prepare(team_, H_);
+    const KrylovProblem problem = system(kRenewalTolerance);
+    if (renewal.slip_follows) {
+      renewal.assemble(team_, mass_, sliding_);
+      bicgstab(team_, sliding_, problem, preconditioner);
+    } else {
+      conjugate_gradient(team_, H_, problem, preconditioner);
+    }
+    for_each(team_, terms_.cones().cones, [&](Index c) { renewal.follow_cone(c); });
+    for_each(team_, terms_.unknowns(), [&](Index i) { n_.point[i] = n_.point[i] + n_.step[i]; });
+    terms_.refresh_reactions(team_);
+    terms_.refresh_force(team_, mass_);
   }
 
  private:
@@ -68,7 +161,9 @@ class BlockNewton {
         n_.mobility[static_cast<Offset>(block) * kBodyBlock + i] = div_(1.0, root * root);
       }
     });
-    return find_scale() && set_first_weight();
+    if (!find_scale()) return false;
+    set_first_weight();
+    return true;
   }
 
   /// Diagonals of A and b. Whether all can be computed with.
@@ -86,70 +181,30 @@ class BlockNewton {
     return team_.combine(is_bad) == 0 && finite_(progress_.scale);
   }
 
-  /// Compliances with the weight `least`; whether any of them needs it.
-  STICTION_HD bool set_weights(double least) {
-    least_ = least;
+  /// Compliances with that weight of the proximal term; returns true if any of them needs it.
+  STICTION_HD bool set_weights(double weight) {
     std::uint32_t is_missing = 0;
     for_each(team_, terms_.cones().cones, [&](Index c) {
-      if (set_compliances(terms_, c, least)) is_missing = 1;
+      if (set_compliances(terms_, c, weight)) is_missing = 1;
     });
     return team_.combine(is_missing) != 0;
   }
 
   /// Where compliance is enough there is no proximal term.
-  STICTION_HD_OUTLINE bool set_first_weight() {
+  STICTION_HD_OUTLINE void set_first_weight() {
     std::uint32_t slips = 0;
     for_each(team_, terms_.cones().cones, [&](Index c) {
       if (job_.law == Law::coulomb && terms_.cones().rows(c) > 1) slips = 1;
     });
     has_slip_ = team_.combine(slips) != 0;
     const bool is_missing = set_weights(kLeastCompliance);
-    least_weight_ = is_missing ? kLeastWeight : kLeastCompliance;
+    sequence.least_weight = is_missing ? kProxWeightLeast : kLeastCompliance;
+    sequence.prox_weight = kLeastCompliance;
     progress_.has_outer = has_slip_ || is_missing;
-    if (progress_.has_outer) set_weights(kFirstWeight);
-    return true;
-  }
-
-  STICTION_HD_OUTLINE void solve() {
-    if (start()) return;
-    const bool can_sweep = progress_.has_outer && sweeping_.find(team_);
-    if (can_sweep && sweep()) return;
-    Index since_best = 0;
-    while (progress_.steps < progress_.max_iterations && since_best < kPatience) {
-      const bool is_exhausted = !step();
-      ++progress_.steps;
-      const double before = progress_.best;
-      const double inner = judge();
-      if (progress_.is_answered || !finite_(progress_.residual)) return;
-      since_best = progress_.best < before ? 0 : since_best + 1;
-      const bool is_met = is_exhausted || inner <= kInnerPart * progress_.residual;
-      if (is_exhausted && !progress_.has_outer) return;
-      if (can_sweep && has_slip_ && (++problem_steps_ >= kLongProblem || (is_met && progress_.residual > renewed_))) {
-        if (sweep()) return;
-      } else if (progress_.has_outer && is_met) {
-        renewed_ = progress_.residual;
-        renew();
-        ++progress_.steps;
-      }
+    if (progress_.has_outer) {
+      sequence.start(kProxWeightStart);
+      set_weights(sequence.prox_weight);
     }
-  }
-
-  /// Sweeps from the best reactions, and a first problem there. Whether an answer was found.
-  STICTION_HD_OUTLINE bool sweep() {
-    for_each(team_, env_.rows, [&](Index row) { n_.x[row] = n_.best[row]; });
-    judge_.push(team_, n_.x);
-    BlockSweeps::Momentum momentum = sweeping_.start(team_);
-    for (Index k = 0; k < sweeps_; k += kSweepChunk) {
-      sweeping_.run(team_, kSweepChunk, momentum);
-      judge();
-      if (progress_.is_answered) return true;
-      // The velocities are those of the reactions that were judged.
-      for_each(team_, env_.rows, [&](Index row) { n_.x[row] = n_.answer[row]; });
-    }
-    sweeps_ = sweeps_ < kMostSweeps ? 2 * sweeps_ : sweeps_;
-    set_weights(kFirstWeight);
-    start_at_best();
-    return false;
   }
 
   /// The point, the centre and the slips that the best reactions lead to.
@@ -169,69 +224,11 @@ class BlockNewton {
       }
       if (has_slip_) n_.shift[first] = n_.shift[first] + sqrt_(slip);
     });
-    first_energy_ = 0.0;
-    problem_steps_ = 0;
-    renewed_ = __builtin_huge_val();
     refresh();
-  }
-
-  /// The next problem of the sequence, and a step on it.
-  STICTION_HD_OUTLINE void renew() {
-    first_energy_ = 0.0;
-    problem_steps_ = 0;
-    least_ = max_(kWeightFall * least_, least_weight_);
-    const BlockRenewal renewal{terms_, least_, has_slip_, has_slip_};
-    for_each(team_, terms_.cones().cones, [&](Index c) { renewal.change_cone(c); });
-    terms_.refresh_force(team_, mass_);
-    terms_.refresh_hessian(team_, mass_, H_);
-    const IncompleteCholesky preconditioner{lists_.levels.view, n_.lower};
-    preconditioner.prepare(team_, H_);
-    const KrylovProblem problem = system(kRenewalPart);
-    if (renewal.slip_follows) {
-      renewal.assemble(team_, mass_, sliding_);
-      bicgstab(team_, sliding_, problem, preconditioner);
-    } else {
-      conjugate_gradient(team_, H_, problem, preconditioner);
-    }
-    for_each(team_, terms_.cones().cones, [&](Index c) { renewal.follow_cone(c); });
-    for_each(team_, terms_.unknowns(), [&](Index i) { n_.point[i] = n_.point[i] + n_.step[i]; });
-    terms_.refresh_reactions(team_);
-    terms_.refresh_force(team_, mass_);
   }
 
   [[nodiscard]] STICTION_HD KrylovProblem system(double tolerance) const {
     return {terms_.unknowns(), n_.force, n_.step, n_.gradients, tolerance, kMostGradientSteps};
-  }
-
-  /// The first point: no change of v_free, or what the warm start says if the function (3) is not larger there. Whether
-  /// that is the answer.
-  STICTION_HD_OUTLINE bool start() {
-    const bool by_reactions =
-        job_.warm_start != nullptr && (progress_.has_outer || job_.warm_velocity == nullptr) && load_reactions();
-    refresh();
-    judge();
-    if (by_reactions && !progress_.is_answered) {
-      for_each(team_, env_.rows, [&](Index row) { n_.x[row] = n_.held[row]; });
-      judge();
-    }
-    if (progress_.is_answered) return true;
-    const bool by_velocity = !by_reactions && job_.warm_velocity != nullptr && has_finite_velocity();
-    if (!by_reactions && !by_velocity) return false;
-    refresh();
-    const double without = terms_.value(team_, mass_);
-    if (by_reactions) judge_.push(team_, n_.held);
-    for_each(team_, lists_.dofs.count, [&](Index block) {
-      for (Index i = 0; i < lists_.dofs.size(block); ++i) {
-        const Offset at = static_cast<Offset>(block) * kBodyBlock + i;
-        n_.point[at] = by_reactions ? n_.pushed[at] : first_velocity(lists_.dofs.first_dof[block] + i) - n_.v_free[at];
-      }
-    });
-    refresh();
-    judge();
-    if (progress_.is_answered || terms_.value(team_, mass_) <= without) return progress_.is_answered;
-    for_each(team_, terms_.unknowns(), [&](Index i) { n_.point[i] = 0.0; });
-    refresh();
-    return false;
   }
 
   /// The warm start's reactions as the centre, if they are finite.
@@ -279,40 +276,6 @@ class BlockNewton {
     });
   }
 
-  /// One step. Whether the function falls along it by more than rounding.
-  STICTION_HD_OUTLINE bool step() {
-    const double energy = force_energy();
-    first_energy_ = max_(energy, first_energy_);
-    if (!(energy > 0.0)) return false;
-    terms_.refresh_hessian(team_, mass_, H_);
-    const IncompleteCholesky preconditioner{lists_.levels.view, n_.lower};
-    preconditioner.prepare(team_, H_);
-    const double part = min_(kStepPart, 0.5 * sqrt_(sqrt_(div_(energy, first_energy_))));
-    conjugate_gradient(team_, H_, system(part), preconditioner);
-    const BlockTerms::Along along = terms_.look_along(team_, mass_);
-    if (!(along.slope < 0.0 - along.noise)) return false;
-    const auto look = [&](double t) { return terms_.look_at(team_, along, t); };
-    terms_.take_step(team_, search_line(look, along.slope, kSlopeLeft, along.noise));
-    terms_.refresh_reactions(team_);
-    terms_.refresh_force(team_, mass_);
-    return true;
-  }
-
-  /// The residual of the reactions, which are written if it is small enough. Returns what the problem has left.
-  STICTION_HD_OUTLINE double judge() {
-    for_each(team_, env_.rows,
-             [&](Index row) { n_.answer[row] = static_cast<double>(canonical_zero(saturated<Real>(n_.x[row]))); });
-    const BlockResidual evaluated = judge_.evaluate(team_);
-    progress_.template take<Real>(evaluated.found);
-    if (progress_.residual < progress_.best || !has_best_) {
-      progress_.best = progress_.residual;
-      has_best_ = true;
-      for_each(team_, env_.rows, [&](Index row) { n_.best[row] = n_.answer[row]; });
-    }
-    if (progress_.is_answered) write();
-    return evaluated.inner;
-  }
-
   /// The answer, to where the batch has it.
   STICTION_HD void write() {
     for_each(team_, env_.rows, [&](Index row) {
@@ -338,13 +301,8 @@ class BlockNewton {
   BlockSweeps sweeping_;
   BlockMatrix H_, sliding_;
   LaneProgress progress_;
-  double least_ = 0.0, least_weight_ = 0.0;  ///< weight of the proximal term, and where it goes
-  double first_energy_ = 0.0;                ///< largest of this problem
-  double renewed_ = __builtin_huge_val();    ///< residual at the last renewal
-  Index problem_steps_ = 0;                  ///< since then
-  Index sweeps_ = kFirstSweeps;              ///< that are next
-  bool has_slip_ = false;                    ///< Coulomb's law, and cones that it is for
-  bool has_best_ = false;
+  bool has_slip_ = false;   ///< Coulomb's law, and cones that it is for
+  bool can_sweep_ = false;  ///< the environment's cones have sweeps
 };
 
 /// What a team takes of an environment.
