@@ -18,22 +18,26 @@ void velocities_on_cpu(const JacobianJob<Real>& job, int threads);
 template <class Real>
 void check_structure(const JacobianBatchView<Real>& batch);
 
-/// Makes contact batches of Jacobian batches on one machine, in arrays of its own; everything was checked before.
+/// Solves Jacobian batches on one machine, in arrays of its own; everything was checked before. A solve calls
+/// solve_velocities() if Newton's method in velocities is asked for, then assemble(), then a contact machine, then
+/// write().
 template <class Real>
 class JacobianMachine {
  public:
   virtual ~JacobianMachine() = default;
-  /// The contact batch; it is there in the order of `stream`, until the next one. With `newton`, environments whose
-  /// shape Newton's method in velocities takes are solved by it first. Those that are solved have no rows in the batch.
-  /// A machine that knows at once that these are all returns one without environments.
-  virtual ContactBatchView<Real> assemble(const JacobianBatchView<Real>& batch, const VelocityJob<Real>* newton,
-                                          StreamRef stream) = 0;
+  /// Solves environments of a shape that Newton's method in velocities supports, and keeps their answers until write().
+  /// Returns true if all are known to be solved: then nothing is assembled.
+  virtual bool solve_velocities(const VelocityJob<Real>& job, StreamRef stream) = 0;
+  /// Returns the contact batch, valid in the order of `stream` until the next call. Environments that
+  /// solve_velocities() has solved have no rows in it.
+  virtual ContactBatchView<Real> assemble(const JacobianBatchView<Real>& batch, StreamRef stream) = 0;
   /// How environments are assembled: each has its place in the machine's arrays, until the next call, and is not
   /// written yet. On the CPU its rows are.
   virtual JacobianBatchJob<Real> lay_out(const JacobianBatchView<Real>& batch, StreamRef stream) = 0;
-  /// The velocities that the answer of that contact batch leads to, and the answers of Newton's method.
-  virtual void velocities(const JacobianBatchView<Real>& batch, const JacobianSolutionView<Real>& solution,
-                          StreamRef stream) = 0;
+  /// Writes the answers of solve_velocities(), and for other environments the velocities that `solution.lambda` leads
+  /// to.
+  virtual void write(const JacobianBatchView<Real>& batch, const JacobianSolutionView<Real>& solution,
+                     StreamRef stream) = 0;
 };
 
 /// Makes room as it is needed, whatever a capacity says.

@@ -54,11 +54,14 @@ class CpuJacobianMachine final : public JacobianMachine<Real> {
     arrays_.env_dofs = std::numeric_limits<Index>::max();
   }
 
-  ContactBatchView<Real> assemble(const JacobianBatchView<Real>& batch, const VelocityJob<Real>* newton,
-                                  StreamRef) override {
-    const Index largest = count(batch, newton != nullptr);
-    if (newton != nullptr && solve_by_newton(*newton) == batch.env_count) return {};
-    const JacobianBatchJob<Real> job = place(batch, largest);
+  bool solve_velocities(const VelocityJob<Real>& job, StreamRef) override {
+    largest_ = count(job.batch, true);
+    return solve_by_newton(job) == job.batch.env_count;
+  }
+
+  ContactBatchView<Real> assemble(const JacobianBatchView<Real>& batch, StreamRef) override {
+    const JacobianBatchJob<Real> job = place(batch, largest_ >= 0 ? largest_ : count(batch, false));
+    largest_ = -1;
     const cpu::JacobianKernels<Real> kernels = pick<Real>();
     for_each_env(job.job(), threads_, kernels.elements, [&](const JacobianJob<Real>& own, Offset env, auto&& scratch) {
       if ((own.flags[env] & kNotAssembled) == 0 && !is_answered(arrays_, env)) kernels.assemble(own, env, scratch());
@@ -70,13 +73,13 @@ class CpuJacobianMachine final : public JacobianMachine<Real> {
     return place(batch, count(batch, false));
   }
 
-  void velocities(const JacobianBatchView<Real>& batch, const JacobianSolutionView<Real>& solution,
-                  StreamRef) override {
+  void write(const JacobianBatchView<Real>& batch, const JacobianSolutionView<Real>& solution, StreamRef) override {
+    largest_ = -1;
     const cpu::JacobianKernels<Real> kernels = pick<Real>();
     const JacobianBatchJob<Real> job{batch, arrays_, solution.lambda, solution.status, solution.velocity};
     for_each_env(job.job(), threads_, kernels.elements, [&](const JacobianJob<Real>& own, Offset env, auto&& scratch) {
       if (is_answered(arrays_, env)) {
-        hand_out(batch, env, solution);
+        copy_answer(batch, env, solution);
       } else if (solution.velocity != nullptr) {
         kernels.velocity(own, env, scratch());
       }
@@ -178,8 +181,8 @@ class CpuJacobianMachine final : public JacobianMachine<Real> {
     return solved;
   }
 
-  /// One environment's answer, to where the caller wants it.
-  void hand_out(const JacobianBatchView<Real>& batch, Offset env, const JacobianSolutionView<Real>& solution) const {
+  /// Copies one environment's answer to the solution.
+  void copy_answer(const JacobianBatchView<Real>& batch, Offset env, const JacobianSolutionView<Real>& solution) const {
     const Offset row = batch.env_row_offsets[env], dof = batch.env_dof_offsets[env];
     std::copy_n(answers_.lambda + row, batch.env_rows(env), solution.lambda + row);
     if (solution.w != nullptr) std::copy_n(answers_.w + row, batch.env_rows(env), solution.w + row);
@@ -189,6 +192,7 @@ class CpuJacobianMachine final : public JacobianMachine<Real> {
   }
 
   int threads_;
+  Index largest_ = -1;  ///< rows of the largest environment, while a solve's environments are counted
   JacobianArrays<Real> arrays_{};
   JacobianSolutionView<Real> answers_{};
   std::vector<std::uint32_t> flags_;

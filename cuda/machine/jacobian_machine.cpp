@@ -218,14 +218,24 @@ void DeviceJacobianMachine<Real>::queue(StreamHandle stream, const Work& work) {
 }
 
 template <class Real>
-ContactBatchView<Real> DeviceJacobianMachine<Real>::assemble(const JacobianBatchView<Real>& batch,
-                                                             const VelocityJob<Real>* newton, StreamRef stream) {
+bool DeviceJacobianMachine<Real>::solve_velocities(const VelocityJob<Real>& job, StreamRef stream) {
+  is_counted_ = true;
+  if (job.batch.env_count > 0)
+    queue(stream.handle(), [&] {
+      launch(kernels_of<Real>(*api_).count, small_, JacobianBatchJob<Real>{job.batch, arrays_}, stream.handle());
+      launch_newton(job, stream.handle());
+    });
+  return false;  // the host does not wait to know
+}
+
+template <class Real>
+ContactBatchView<Real> DeviceJacobianMachine<Real>::assemble(const JacobianBatchView<Real>& batch, StreamRef stream) {
   const JacobianKernels& kernels = kernels_of<Real>(*api_);
   const JacobianBatchJob<Real> job{batch, arrays_};
+  const bool is_counted = std::exchange(is_counted_, false);
   if (batch.env_count > 0)
     queue(stream.handle(), [&] {
-      launch(kernels.count, small_, job, stream.handle());
-      if (newton != nullptr) launch_newton(*newton, stream.handle());
+      if (!is_counted) launch(kernels.count, small_, job, stream.handle());
       launch(kernels.place, kPlacing, job, stream.handle());
       launch(kernels.write, large_, job, stream.handle());
     });
@@ -245,8 +255,8 @@ JacobianBatchJob<Real> DeviceJacobianMachine<Real>::lay_out(const JacobianBatchV
 }
 
 template <class Real>
-void DeviceJacobianMachine<Real>::velocities(const JacobianBatchView<Real>& batch,
-                                             const JacobianSolutionView<Real>& solution, StreamRef stream) {
+void DeviceJacobianMachine<Real>::write(const JacobianBatchView<Real>& batch,
+                                        const JacobianSolutionView<Real>& solution, StreamRef stream) {
   const JacobianBatchJob<Real> job{batch, arrays_, solution.lambda, solution.status, solution.velocity};
   queue(stream.handle(), [&] {
     if (batch.env_count > 0 && (solution.velocity != nullptr || arrays_.answered != nullptr))

@@ -10,22 +10,22 @@
 
 namespace stiction::cuda {
 
-/// Makes contact batches of Jacobian batches on a device: three launches, and one for the velocities. Memory is taken
-/// when it is made.
+/// Solves Jacobian batches on a device: three launches assemble, one writes, and one to three run Newton's method in
+/// velocities. Memory is allocated when it is made.
 template <class Real>
 class DeviceJacobianMachine final : public JacobianMachine<Real> {
  public:
-  /// `by_newton`: assemble() will be given a job for Newton's method in velocities. `lays_out_only`: nothing but
+  /// `by_newton`: solve_velocities() will be called. `lays_out_only`: nothing but
   /// lay_out() is called, so that no team needs scratch.
   DeviceJacobianMachine(std::shared_ptr<DeviceApi> api, const JacobianCapacity& capacity, FactorUse use, bool by_newton,
                         bool lays_out_only = false);
   ~DeviceJacobianMachine() override;
 
-  ContactBatchView<Real> assemble(const JacobianBatchView<Real>& batch, const VelocityJob<Real>* newton,
-                                  StreamRef stream) override;
+  bool solve_velocities(const VelocityJob<Real>& job, StreamRef stream) override;
+  ContactBatchView<Real> assemble(const JacobianBatchView<Real>& batch, StreamRef stream) override;
   JacobianBatchJob<Real> lay_out(const JacobianBatchView<Real>& batch, StreamRef stream) override;
-  void velocities(const JacobianBatchView<Real>& batch, const JacobianSolutionView<Real>& solution,
-                  StreamRef stream) override;
+  void write(const JacobianBatchView<Real>& batch, const JacobianSolutionView<Real>& solution,
+             StreamRef stream) override;
 
  private:
   void launch(const KernelRef& kernel, const LaunchShape& shape, const JacobianBatchJob<Real>& job,
@@ -41,6 +41,7 @@ class DeviceJacobianMachine final : public JacobianMachine<Real> {
   JacobianArrays<Real> arrays_{};
   Real* scratch_ = nullptr;  ///< of each team, null: in fast memory                   (teams * slot)
   Offset slot_ = 0;
+  bool is_counted_ = false;                      ///< solve_velocities() has counted the environments of this solve
   LaunchShape small_, large_;                    ///< of counting; of assembling and moving
   KernelRef newton_kernel_{}, double_kernel_{};  ///< steps in the batch's precision, and in double
   LaunchShape newton_shape_, block_shape_;

@@ -110,11 +110,11 @@ struct Machine {
                     options.solver);
   }
   void solve(const JacobianBatchView<Real>& batch, const JacobianSolutionView<Real>& solution, StreamRef stream) {
-    const VelocityJob<Real> newton = newton_job<Real>(batch, options, solution, {});
-    const ContactBatchView<Real> contact = jacobian.assemble(batch, takes_newton(options) ? &newton : nullptr, stream);
+    if (takes_newton(options)) jacobian.solve_velocities(newton_job<Real>(batch, options, solution, {}), stream);
+    const ContactBatchView<Real> contact = jacobian.assemble(batch, stream);
     machine.solve(SolveRequest<Real>{
         nullptr, contact, {solution.lambda, solution.w, solution.status}, nullptr, contact.law, options, stream});
-    jacobian.velocities(batch, solution, stream);
+    jacobian.write(batch, solution, stream);
   }
 
   SolverOptions options;
