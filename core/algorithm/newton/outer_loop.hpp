@@ -2,10 +2,9 @@
 
 #include "core/base/real.hpp"
 
-/// The outer loop of proximal Newton (docs/math/body_newton.md), for every space that takes its steps: one
-/// environment's bodies, a rank's part of them, or blocks of degrees of freedom. It solves a sequence of problems. A
-/// proximal term stands in for missing compliance, its weight falls from problem to problem, and Coulomb's law shifts
-/// each motion by what it slides.
+/// The outer loop of proximal Newton (docs/math/body_newton.md). Spaces take its steps: an environment's bodies, a
+/// rank's part of them, or blocks of degrees of freedom. It solves a sequence of problems. A proximal term stands in
+/// for missing compliance, and its weight falls from problem to problem. Coulomb's law shifts each motion by its slip.
 namespace stiction::inline STICTION_ISA {
 
 /// Weight of the proximal term over A's diagonal in the first problem. Then its factor from problem to problem, and its
