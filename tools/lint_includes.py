@@ -16,7 +16,7 @@ import sys
 import tempfile
 
 SOURCE_SUFFIXES = {".hpp", ".cpp", ".cu", ".cuh", ".h", ".inc"}
-SOURCE_FOLDERS = ["core", "cuda", "cpu_fallback", "c_api", "distributed", "bench", "examples", "tools", "tests", "python"]
+SOURCE_FOLDERS = ["core", "cuda", "cpu_fallback", "c_api", "distributed", "cli", "scenes", "bench", "examples", "tools", "tests", "python"]
 
 STD_ANY = "std"
 # What an algorithm or a Team may take from the standard library: types and compile-time facts, no arithmetic.
@@ -112,24 +112,24 @@ TABLE = [
         foreign=("fcntl.h", "hdf5.h", "mpi.h", "unistd.h")),
     Row("distributed/program/whole_checkpoint.cpp",
         [PUBLIC, IO_PUBLIC, "core/io/checkpoint_layout.hpp", "distributed"]),
-    Row("distributed/program", [PUBLIC, IO_PUBLIC, "bench/scenes", "tools/cli", "distributed"],
+    Row("distributed/program", [PUBLIC, IO_PUBLIC, "scenes", "cli", "distributed"],
         foreign=("CLI/", "fmt/", "nlohmann/")),
-    Row("bench/scenes", [PUBLIC, "bench/scenes", "core/base/fp_env.hpp", IO_PUBLIC]),
+    Row("scenes", [PUBLIC, "scenes", "core/base/fp_env.hpp", IO_PUBLIC]),
     # Programs around solvers of others; they know nothing of this project.
     Row("bench/peers", ["bench/peers"],
         foreign=("Bullet", "dart/", "ode/", "signal.h", "sys/", "time.h", "unistd.h")),
-    Row("bench/support", [PUBLIC, IO_PUBLIC, "bench/support", "bench/scenes", "core/job/size_class.hpp"],
+    Row("bench/support", [PUBLIC, IO_PUBLIC, "bench/support", "scenes", "core/job/size_class.hpp"],
         foreign=("benchmark/", "Eigen/")),
     # What ranks send is counted where ranks are.
-    Row("bench/programs/bench_consensus.cpp", [PUBLIC, "bench", "distributed"]),
-    Row("bench/programs/bench_domain_newton.cpp", [PUBLIC, "bench", "distributed"]),
-    Row("bench/programs", [PUBLIC, IO_PUBLIC, "bench"], foreign=("benchmark/",)),
+    Row("bench/programs/bench_consensus.cpp", [PUBLIC, "scenes", "bench", "distributed"]),
+    Row("bench/programs/bench_domain_newton.cpp", [PUBLIC, "scenes", "bench", "distributed"]),
+    Row("bench/programs", [PUBLIC, IO_PUBLIC, "scenes", "bench"], foreign=("benchmark/",)),
     Row("examples", [PUBLIC, IO_PUBLIC]),
-    Row("tools/cli", [PUBLIC, IO_PUBLIC, "core/plan", "bench/scenes", "tools/cli"],
+    Row("cli", [PUBLIC, IO_PUBLIC, "core/plan", "scenes", "cli"],
         foreign=("CLI/", "fmt/", "nlohmann/", "dlfcn.h", "spawn.h", "unistd.h", "sys/", "H5", "hdf5.h")),
     Row("python", [PUBLIC, IO_PUBLIC, "python", "cpu_fallback/threads/thread_pool.hpp"], foreign=("nanobind/", "xla/ffi/")),
 ]
-# tests and tools outside tools/cli may include anything; the word rules still bind them.
+# tests and tools outside cli may include anything; the word rules still bind them.
 
 STANDARD_HEADER = re.compile(r"^[a-z_0-9]+$")
 INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]')
@@ -305,7 +305,7 @@ def self_test():
         "c_api/include/kinds.h.in": "#pragma once\n",
         "c_api/solver.cpp": '#include <memory>\n#include "stiction.h"\n#include "stiction/types.hpp"\n',
         "examples/hello.cpp": '#include "stiction/types.hpp"\n',
-        "tools/cli/main.cpp": '#include <CLI/CLI.hpp>\n#include "core/plan/plan.hpp"\n#include "stiction/io.hpp"\n',
+        "cli/main.cpp": '#include <CLI/CLI.hpp>\n#include "core/plan/plan.hpp"\n#include "stiction/io.hpp"\n',
     }
     planted = [
         ("core/include/stiction/types.hpp", '#include "core/base/real.hpp"'),
@@ -345,7 +345,7 @@ def self_test():
         ("c_api/solver.cpp", '#include "core/machine/contact_machine.hpp"'),
         ("examples/hello.cpp", '#include "core/base/real.hpp"'),
         ("examples/hello.cpp", '#include "stiction/no_such.hpp"'),
-        ("tools/cli/main.cpp", '#include "core/algorithm/solver/pgs.hpp"'),
+        ("cli/main.cpp", '#include "core/algorithm/solver/pgs.hpp"'),
     ]
     failures = []
     with tempfile.TemporaryDirectory() as folder:

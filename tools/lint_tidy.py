@@ -25,7 +25,7 @@ import tempfile
 
 from lint_tools import ROOT, SKIPPED, find, missing
 
-FOLDERS = ("core", "c_api", "cpu_fallback", "cuda", "distributed", "python", "tools", "bench", "examples")
+FOLDERS = ("core", "c_api", "cpu_fallback", "cuda", "distributed", "python", "cli", "scenes", "tools", "bench", "examples")
 TAKES_A_WORD = ("-I", "-isystem", "-D", "-U", "-include", "-x")
 KEPT = (*TAKES_A_WORD, "-std=", "-m", "-pthread")
 

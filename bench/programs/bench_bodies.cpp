@@ -13,12 +13,12 @@
 #include <cstdlib>
 #include <memory>
 
-#include "bench/scenes/body_scenes.hpp"
 #include "bench/support/arguments.hpp"
 #include "bench/support/contact_batch.hpp"
 #include "bench/support/csv.hpp"
 #include "bench/support/machine.hpp"
 #include "bench/support/table_main.hpp"
+#include "scenes/body_scenes.hpp"
 #include "stiction/stiction.hpp"
 
 namespace stiction::bench {

@@ -12,12 +12,12 @@
 #include <cstdlib>
 #include <memory>
 
-#include "bench/scenes/box_scenes.hpp"
 #include "bench/support/arguments.hpp"
 #include "bench/support/contact_batch.hpp"
 #include "bench/support/csv.hpp"
 #include "bench/support/machine.hpp"
 #include "bench/support/table_main.hpp"
+#include "scenes/box_scenes.hpp"
 #include "stiction/stiction.hpp"
 
 namespace stiction::bench {

@@ -15,7 +15,6 @@
 #include <map>
 #include <memory>
 
-#include "bench/scenes/scenes.hpp"
 #include "bench/support/arguments.hpp"
 #include "bench/support/class_model.hpp"
 #include "bench/support/contact_batch.hpp"
@@ -23,6 +22,7 @@
 #include "bench/support/lane_share.hpp"
 #include "bench/support/machine.hpp"
 #include "bench/support/table_main.hpp"
+#include "scenes/scenes.hpp"
 #include "stiction/io.hpp"
 #include "stiction/stiction.hpp"
 

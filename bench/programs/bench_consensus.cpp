@@ -11,13 +11,13 @@
 #include <algorithm>
 #include <cstdio>
 
-#include "bench/scenes/body_scenes.hpp"
-#include "bench/scenes/box_scenes.hpp"
 #include "bench/support/arguments.hpp"
 #include "bench/support/table_main.hpp"
 #include "distributed/solve/partition.hpp"
 #include "distributed/subdomains/solve_by_consensus.hpp"
 #include "distributed/transport/thread_transport.hpp"
+#include "scenes/body_scenes.hpp"
+#include "scenes/box_scenes.hpp"
 
 namespace stiction::bench {
 

@@ -9,10 +9,10 @@
 #include <cstdio>
 #include <cstdlib>
 
-#include "bench/scenes/rng.hpp"
 #include "bench/support/arguments.hpp"
 #include "bench/support/jacobian_cases.hpp"
 #include "bench/support/table_main.hpp"
+#include "scenes/rng.hpp"
 
 namespace stiction::bench {
 

@@ -14,12 +14,12 @@
 #include <algorithm>
 #include <cstdio>
 
-#include "bench/scenes/body_scenes.hpp"
-#include "bench/scenes/box_scenes.hpp"
 #include "bench/support/arguments.hpp"
 #include "bench/support/table_main.hpp"
 #include "distributed/newton/solve_by_newton.hpp"
 #include "distributed/transport/thread_transport.hpp"
+#include "scenes/body_scenes.hpp"
+#include "scenes/box_scenes.hpp"
 
 namespace stiction::bench {
 

@@ -10,11 +10,11 @@
 #include <cstdlib>
 #include <memory>
 
-#include "bench/scenes/merge.hpp"
-#include "bench/scenes/scenes.hpp"
 #include "bench/support/arguments.hpp"
 #include "bench/support/machine.hpp"
 #include "bench/support/table_main.hpp"
+#include "scenes/merge.hpp"
+#include "scenes/scenes.hpp"
 #include "stiction/stiction.hpp"
 
 namespace stiction::bench {

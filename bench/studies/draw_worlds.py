@@ -23,7 +23,7 @@ SPOKES, LENGTH = 8, 1.0
 
 
 def pile_shape(body):
-    """(kind, sizes) of a body of scene `pile`, as bench/scenes/worlds.cpp makes it."""
+    """(kind, sizes) of a body of scene `pile`, as scenes/worlds.cpp makes it."""
     grown = 1 + 0.1 * (body // 3)
     return [("sphere", [0.08 * grown]), ("capsule", [0.05 * grown, 0.08 * grown]),
             ("box", [0.09 * grown, 0.07 * grown, 0.05 * grown])][body % 3]

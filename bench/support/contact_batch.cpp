@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cstdio>
 
-#include "bench/scenes/scenes.hpp"
+#include "scenes/scenes.hpp"
 
 namespace stiction::bench {
 

@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "bench/scenes/scenes.hpp"
+#include "scenes/scenes.hpp"
 #include "stiction/io.hpp"
 #include "stiction/stiction.hpp"
 

@@ -2,8 +2,8 @@
 
 #include <fmt/format.h>
 
+#include "cli/load.hpp"
 #include "stiction/error.hpp"
-#include "tools/cli/load.hpp"
 
 namespace stiction::distributed {
 

@@ -8,17 +8,17 @@
 #include <utility>
 #include <vector>
 
-#include "bench/scenes/body_scenes.hpp"
+#include "cli/body_method.hpp"
+#include "cli/stopwatch.hpp"
 #include "distributed/program/column.hpp"
 #include "distributed/program/peak_memory.hpp"
 #include "distributed/solve/agreement.hpp"
 #include "distributed/transport/letters.hpp"
 #include "distributed/world/bodies.hpp"
 #include "distributed/world/solve_part.hpp"
+#include "scenes/body_scenes.hpp"
 #include "stiction/error.hpp"
 #include "stiction/hash.hpp"
-#include "tools/cli/body_method.hpp"
-#include "tools/cli/stopwatch.hpp"
 
 namespace stiction::distributed {
 

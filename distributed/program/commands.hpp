@@ -5,10 +5,10 @@
 #include <optional>
 #include <string>
 
+#include "cli/commands.hpp"
 #include "distributed/subdomains/solve_by_consensus.hpp"
 #include "distributed/transport/transport.hpp"
 #include "stiction/types.hpp"
-#include "tools/cli/commands.hpp"
 
 namespace stiction::distributed {
 

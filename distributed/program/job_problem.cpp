@@ -7,12 +7,12 @@
 #include <type_traits>
 #include <utility>
 
-#include "bench/scenes/body_scenes.hpp"
+#include "cli/load.hpp"
+#include "cli/make_scene.hpp"
 #include "distributed/program/column.hpp"
+#include "scenes/body_scenes.hpp"
 #include "stiction/error.hpp"
 #include "stiction/io.hpp"
-#include "tools/cli/load.hpp"
-#include "tools/cli/make_scene.hpp"
 
 namespace stiction::distributed {
 

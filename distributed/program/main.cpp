@@ -8,13 +8,13 @@
 #include <string>
 #include <vector>
 
+#include "cli/commands.hpp"
+#include "cli/step_options.hpp"
+#include "cli/whole_number.hpp"
 #include "distributed/program/commands.hpp"
 #include "distributed/program/give_up.hpp"
 #include "distributed/transport/mpi_transport.hpp"
 #include "stiction/config.hpp"
-#include "tools/cli/commands.hpp"
-#include "tools/cli/step_options.hpp"
-#include "tools/cli/whole_number.hpp"
 
 namespace stiction::distributed {
 

@@ -4,9 +4,9 @@
 
 #include <algorithm>
 
+#include "cli/commands.hpp"
+#include "cli/json_text.hpp"
 #include "stiction/error.hpp"
-#include "tools/cli/commands.hpp"
-#include "tools/cli/json_text.hpp"
 
 namespace stiction::distributed {
 

@@ -3,12 +3,12 @@
 #include <string>
 #include <vector>
 
+#include "cli/report.hpp"
+#include "cli/step_report.hpp"
 #include "distributed/newton/solve_by_newton.hpp"
 #include "distributed/solve/solve_over_ranks.hpp"
 #include "distributed/subdomains/solve_by_consensus.hpp"
 #include "distributed/world/rank_world.hpp"
-#include "tools/cli/report.hpp"
-#include "tools/cli/step_report.hpp"
 
 namespace stiction::distributed {
 

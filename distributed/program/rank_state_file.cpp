@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <cstdio>
 
+#include "cli/output.hpp"
 #include "distributed/transport/letters.hpp"
 #include "stiction/error.hpp"
-#include "tools/cli/output.hpp"
 
 namespace stiction::distributed {
 

@@ -4,6 +4,7 @@
 #include <optional>
 #include <string>
 
+#include "cli/step_monitor.hpp"
 #include "distributed/program/deadline_guard.hpp"
 #include "distributed/program/partition_option.hpp"
 #include "distributed/program/peak_memory.hpp"
@@ -11,7 +12,6 @@
 #include "distributed/program/whole_checkpoint.hpp"
 #include "distributed/transport/letters.hpp"
 #include "stiction/hash.hpp"
-#include "tools/cli/step_monitor.hpp"
 
 namespace stiction::distributed {
 

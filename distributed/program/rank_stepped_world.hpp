@@ -3,12 +3,12 @@
 #include <memory>
 #include <vector>
 
+#include "cli/step_checkpoint.hpp"
+#include "cli/step_world.hpp"
 #include "distributed/program/commands.hpp"
 #include "distributed/program/rank_report.hpp"
 #include "distributed/program/rank_state_file.hpp"
 #include "distributed/world/rank_world.hpp"
-#include "tools/cli/step_checkpoint.hpp"
-#include "tools/cli/step_world.hpp"
 
 namespace stiction::distributed {
 

@@ -5,6 +5,10 @@
 #include <span>
 #include <utility>
 
+#include "cli/body_method.hpp"
+#include "cli/load.hpp"
+#include "cli/output.hpp"
+#include "cli/stopwatch.hpp"
 #include "distributed/program/column_slabs.hpp"
 #include "distributed/program/commands.hpp"
 #include "distributed/program/job_problem.hpp"
@@ -16,10 +20,6 @@
 #include "stiction/error.hpp"
 #include "stiction/hash.hpp"
 #include "stiction/io.hpp"
-#include "tools/cli/body_method.hpp"
-#include "tools/cli/load.hpp"
-#include "tools/cli/output.hpp"
-#include "tools/cli/stopwatch.hpp"
 
 namespace stiction::distributed {
 

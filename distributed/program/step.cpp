@@ -5,15 +5,15 @@
 #include <iterator>
 #include <string>
 
+#include "cli/body_method.hpp"
+#include "cli/output.hpp"
+#include "cli/report.hpp"
+#include "cli/step_world.hpp"
 #include "distributed/program/commands.hpp"
 #include "distributed/program/partition_option.hpp"
 #include "distributed/program/rank_report.hpp"
 #include "distributed/program/rank_stepped_world.hpp"
 #include "stiction/error.hpp"
-#include "tools/cli/body_method.hpp"
-#include "tools/cli/output.hpp"
-#include "tools/cli/report.hpp"
-#include "tools/cli/step_world.hpp"
 
 namespace stiction::distributed {
 

@@ -2,7 +2,7 @@
 
 #include <span>
 
-#include "bench/scenes/body_scenes.hpp"
+#include "scenes/body_scenes.hpp"
 #include "stiction/residual.hpp"
 #include "tests/support/small_systems.hpp"
 

@@ -5,8 +5,8 @@
 #include <limits>
 #include <string>
 
-#include "bench/scenes/body_scenes.hpp"
-#include "bench/scenes/box_scenes.hpp"
+#include "scenes/body_scenes.hpp"
+#include "scenes/box_scenes.hpp"
 #include "stiction/residual.hpp"
 #include "tests/support/bits.hpp"
 #include "tests/support/body_systems.hpp"

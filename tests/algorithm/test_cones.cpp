@@ -6,7 +6,7 @@
 #include <cmath>
 #include <limits>
 
-#include "bench/scenes/rng.hpp"
+#include "scenes/rng.hpp"
 
 namespace {
 

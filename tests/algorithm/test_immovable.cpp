@@ -3,7 +3,7 @@
 #include <cmath>
 #include <string>
 
-#include "bench/scenes/rng.hpp"
+#include "scenes/rng.hpp"
 #include "stiction/error.hpp"
 #include "stiction/solver.hpp"
 #include "tests/support/every_solver.hpp"

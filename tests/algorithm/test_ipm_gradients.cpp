@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "bench/scenes/scenes.hpp"
 #include "core/algorithm/solver/ipm/ipm.hpp"
+#include "scenes/scenes.hpp"
 #include "tests/support/bits.hpp"
 #include "tests/support/certificate.hpp"
 #include "tests/support/factor_systems.hpp"

@@ -7,7 +7,7 @@
 #include <limits>
 #include <vector>
 
-#include "bench/scenes/rng.hpp"
+#include "scenes/rng.hpp"
 #include "stiction/residual.hpp"
 #include "tests/support/hand_answers.hpp"
 #include "tests/support/oracle.hpp"

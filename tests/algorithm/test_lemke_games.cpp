@@ -4,8 +4,8 @@
 #include <span>
 #include <vector>
 
-#include "bench/scenes/rng.hpp"
 #include "core/algorithm/solver/lemke/lemke.hpp"
+#include "scenes/rng.hpp"
 #include "stiction/residual.hpp"
 #include "tests/support/small_systems.hpp"
 #include "tests/support/solve_alone.hpp"

@@ -7,7 +7,7 @@
 
 #include <gtest/gtest.h>
 
-#include "bench/scenes/rng.hpp"
+#include "scenes/rng.hpp"
 
 namespace {
 

@@ -13,8 +13,8 @@
 #include <utility>
 #include <vector>
 
-#include "bench/scenes/rng.hpp"
 #include "core/plan/plan.hpp"
+#include "scenes/rng.hpp"
 #include "stiction/residual.hpp"
 #include "stiction/solver.hpp"
 #include "tests/support/prepared.hpp"

@@ -10,7 +10,7 @@
 #include <limits>
 #include <vector>
 
-#include "bench/scenes/rng.hpp"
+#include "scenes/rng.hpp"
 
 #if defined(STICTION_TEST_HAS_EIGEN)
 #include <Eigen/Eigenvalues>

@@ -4,9 +4,9 @@
 #include <limits>
 #include <string>
 
-#include "bench/scenes/body_scenes.hpp"
 #include "core/algorithm/rigid/sequential_impulses.hpp"
 #include "core/plan/body_plan.hpp"
+#include "scenes/body_scenes.hpp"
 #include "tests/support/bits.hpp"
 #include "tests/support/body_systems.hpp"
 #include "tests/support/jitter_team.hpp"

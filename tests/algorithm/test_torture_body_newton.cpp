@@ -3,10 +3,10 @@
 #include <limits>
 #include <string>
 
-#include "bench/scenes/body_scenes.hpp"
-#include "bench/scenes/box_scenes.hpp"
 #include "core/algorithm/rigid/newton/newton_bodies.hpp"
 #include "core/plan/newton_plan.hpp"
+#include "scenes/body_scenes.hpp"
+#include "scenes/box_scenes.hpp"
 #include "tests/support/bits.hpp"
 #include "tests/support/body_systems.hpp"
 #include "tests/support/jitter_team.hpp"

@@ -3,8 +3,8 @@
 #include <string>
 #include <vector>
 
-#include "bench/scenes/rng.hpp"
 #include "core/algorithm/solver/lemke/lemke.hpp"
+#include "scenes/rng.hpp"
 #include "tests/support/bits.hpp"
 #include "tests/support/jitter_team.hpp"
 #include "tests/support/small_systems.hpp"

@@ -2,7 +2,7 @@
 
 #include <utility>
 
-#include "bench/scenes/merge.hpp"
+#include "scenes/merge.hpp"
 
 namespace stiction::test {
 

@@ -9,8 +9,8 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
+#include "cli/gpu_meter.hpp"
 #include "tests/cli/process.hpp"
-#include "tools/cli/gpu_meter.hpp"
 
 namespace stiction::cli {
 namespace {

@@ -6,10 +6,10 @@
 #include <string>
 #include <vector>
 
+#include "cli/memory.hpp"
 #include "stiction/error.hpp"
 #include "tests/cli/process.hpp"
 #include "tests/cli/refusal.hpp"
-#include "tools/cli/memory.hpp"
 
 namespace stiction::test {
 namespace {

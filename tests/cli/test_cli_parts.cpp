@@ -6,12 +6,12 @@
 #include <limits>
 #include <numeric>
 
+#include "cli/bits.hpp"
+#include "cli/cone_graph.hpp"
+#include "cli/convergence.hpp"
+#include "cli/permute.hpp"
+#include "cli/quantiles.hpp"
 #include "tests/cli/batches.hpp"
-#include "tools/cli/bits.hpp"
-#include "tools/cli/cone_graph.hpp"
-#include "tools/cli/convergence.hpp"
-#include "tools/cli/permute.hpp"
-#include "tools/cli/quantiles.hpp"
 
 namespace stiction::cli {
 namespace {

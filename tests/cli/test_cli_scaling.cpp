@@ -4,10 +4,10 @@
 
 #include <nlohmann/json.hpp>
 
+#include "cli/scaling_report.hpp"
+#include "cli/thread_use.hpp"
 #include "tests/cli/batches.hpp"
 #include "tests/cli/process.hpp"
-#include "tools/cli/scaling_report.hpp"
-#include "tools/cli/thread_use.hpp"
 
 namespace stiction::test {
 namespace {

@@ -2,7 +2,7 @@
 
 #include <limits>
 
-#include "bench/scenes/body_scenes.hpp"
+#include "scenes/body_scenes.hpp"
 #include "tests/support/body_methods.hpp"
 #include "tests/support/scoped_isa.hpp"
 

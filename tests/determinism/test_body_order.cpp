@@ -2,8 +2,8 @@
 
 #include <numeric>
 
-#include "bench/scenes/body_scenes.hpp"
-#include "bench/scenes/rng.hpp"
+#include "scenes/body_scenes.hpp"
+#include "scenes/rng.hpp"
 #include "tests/support/body_methods.hpp"
 
 /// Environments of bodies keep their bits wherever they are, whatever is beside them and however many there are: by

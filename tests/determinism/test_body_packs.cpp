@@ -3,9 +3,9 @@
 #include <limits>
 #include <string>
 
-#include "bench/scenes/body_scenes.hpp"
 #include "core/job/body_job.hpp"
 #include "cpu_fallback/pack/work_items.hpp"
+#include "scenes/body_scenes.hpp"
 #include "tests/support/bits.hpp"
 #include "tests/support/body_systems.hpp"
 #include "tests/support/scoped_isa.hpp"

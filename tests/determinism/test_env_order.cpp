@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <numeric>
 
-#include "bench/scenes/rng.hpp"
+#include "scenes/rng.hpp"
 #include "tests/support/every_solver.hpp"
 
 namespace {

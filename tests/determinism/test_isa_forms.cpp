@@ -1,6 +1,6 @@
 #include <gtest/gtest.h>
 
-#include "bench/scenes/body_scenes.hpp"
+#include "scenes/body_scenes.hpp"
 #include "stiction/jacobian.hpp"
 #include "tests/support/body_methods.hpp"
 #include "tests/support/every_solver.hpp"

@@ -5,9 +5,9 @@
 #include <limits>
 #include <numeric>
 
-#include "bench/scenes/merge.hpp"
 #include "core/base/extents.hpp"
 #include "core/plan/islands.hpp"
+#include "scenes/merge.hpp"
 #include "stiction/error.hpp"
 #include "stiction/residual.hpp"
 #include "tests/support/bits.hpp"

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <limits>
 
-#include "bench/scenes/merge.hpp"
 #include "core/base/extents.hpp"
 #include "core/plan/plan.hpp"
+#include "scenes/merge.hpp"
 #include "stiction/error.hpp"
 #include "tests/support/bits.hpp"
 #include "tests/support/island_families.hpp"

@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "bench/scenes/body_scenes.hpp"
-#include "bench/scenes/box_scenes.hpp"
+#include "scenes/body_scenes.hpp"
+#include "scenes/box_scenes.hpp"
 #include "stiction/bodies.hpp"
 #include "stiction/residual.hpp"
 #include "tests/support/bits.hpp"

@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <functional>
 
-#include "bench/scenes/box_scenes.hpp"
 #include "distributed/solve/partition.hpp"
+#include "scenes/box_scenes.hpp"
 #include "stiction/error.hpp"
 
 namespace stiction::distributed {

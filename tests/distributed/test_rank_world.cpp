@@ -9,9 +9,9 @@
 #include <random>
 #include <span>
 
-#include "bench/scenes/worlds.hpp"
 #include "distributed/transport/thread_transport.hpp"
 #include "distributed/world/rank_world.hpp"
+#include "scenes/worlds.hpp"
 #include "tests/support/bits.hpp"
 
 namespace stiction::distributed {

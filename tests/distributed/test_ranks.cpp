@@ -5,11 +5,11 @@
 #include <limits>
 #include <span>
 
-#include "bench/scenes/body_scenes.hpp"
-#include "bench/scenes/box_scenes.hpp"
 #include "distributed/solve/partition.hpp"
 #include "distributed/solve/solve_over_ranks.hpp"
 #include "distributed/transport/thread_transport.hpp"
+#include "scenes/body_scenes.hpp"
+#include "scenes/box_scenes.hpp"
 #include "tests/distributed/rank_cases.hpp"
 
 namespace stiction::distributed {

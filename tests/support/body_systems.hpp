@@ -6,8 +6,8 @@
 #include <utility>
 #include <vector>
 
-#include "bench/scenes/body_scenes.hpp"
-#include "bench/scenes/rng.hpp"
+#include "scenes/body_scenes.hpp"
+#include "scenes/rng.hpp"
 #include "stiction/bodies.hpp"
 
 /// Small environments in body form.

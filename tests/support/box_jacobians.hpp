@@ -3,7 +3,7 @@
 #include <cmath>
 #include <vector>
 
-#include "bench/scenes/box_scenes.hpp"
+#include "scenes/box_scenes.hpp"
 #include "tests/support/jacobian_systems.hpp"
 
 /// Boxes that rest on each other, as J and M.

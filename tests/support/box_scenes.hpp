@@ -7,8 +7,8 @@
 #include <utility>
 #include <vector>
 
-#include "bench/scenes/box_scenes.hpp"
 #include "core/algorithm/linear/block/block_matrix.hpp"
+#include "scenes/box_scenes.hpp"
 
 /// Body-space matrices of boxes that rest on each other, H = M + J'WJ, written out from the definitions.
 namespace stiction::test {

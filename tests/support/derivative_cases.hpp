@@ -3,7 +3,7 @@
 #include <span>
 #include <vector>
 
-#include "bench/scenes/rng.hpp"
+#include "scenes/rng.hpp"
 #include "stiction/derivative.hpp"
 #include "tests/support/random_systems.hpp"
 #include "tests/support/small_systems.hpp"

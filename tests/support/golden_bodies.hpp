@@ -5,8 +5,8 @@
 #include <utility>
 #include <vector>
 
-#include "bench/scenes/body_scenes.hpp"
-#include "bench/scenes/box_scenes.hpp"
+#include "scenes/body_scenes.hpp"
+#include "scenes/box_scenes.hpp"
 #include "tests/support/body_systems.hpp"
 #include "tests/support/golden_case.hpp"
 #include "tests/support/golden_matrices.hpp"

@@ -3,9 +3,9 @@
 #include <cstdint>
 #include <vector>
 
-#include "bench/scenes/merge.hpp"
 #include "core/base/extents.hpp"
 #include "core/plan/islands.hpp"
+#include "scenes/merge.hpp"
 #include "tests/support/random_systems.hpp"
 #include "tests/support/scene_batches.hpp"
 #include "tests/support/small_systems.hpp"

@@ -5,7 +5,7 @@
 #include <limits>
 #include <vector>
 
-#include "bench/scenes/rng.hpp"
+#include "scenes/rng.hpp"
 #include "stiction/jacobian.hpp"
 #include "tests/support/small_systems.hpp"
 

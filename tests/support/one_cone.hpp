@@ -5,8 +5,8 @@
 #include <cmath>
 #include <cstddef>
 
-#include "bench/scenes/rng.hpp"
 #include "core/algorithm/load/load_system.hpp"
+#include "scenes/rng.hpp"
 
 /// One friction cone without an environment around it, as a system that the step of a cone can read. Coulomb's law is
 /// judged in long double.

@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "bench/scenes/rng.hpp"
+#include "scenes/rng.hpp"
 #include "tests/support/small_systems.hpp"
 
 /// Linear complementarity problems 0 <= lambda _|_ w = A lambda + b >= 0 as dense arrays, and as environments.

@@ -6,7 +6,7 @@
 #include <limits>
 #include <vector>
 
-#include "bench/scenes/rng.hpp"
+#include "scenes/rng.hpp"
 #include "stiction/batch.hpp"
 
 /// Random contact systems that are well posed by construction, for property tests. Everything follows from the seed.

@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "bench/scenes/scenes.hpp"
+#include "scenes/scenes.hpp"
 
 namespace stiction::scenes {
 

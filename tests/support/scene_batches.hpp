@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "bench/scenes/scenes.hpp"
+#include "scenes/scenes.hpp"
 #include "stiction/hash.hpp"
 #include "stiction/solver.hpp"
 

@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "bench/scenes/rng.hpp"
+#include "scenes/rng.hpp"
 #include "stiction/batch.hpp"
 
 /// Random systems with semidefinite cones among others. Everything follows from the seed.

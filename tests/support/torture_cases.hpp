@@ -5,9 +5,9 @@
 #include <string>
 #include <vector>
 
-#include "bench/scenes/scenes.hpp"
 #include "core/algorithm/driver/solve_environment.hpp"
 #include "core/plan/plan.hpp"
+#include "scenes/scenes.hpp"
 #include "tests/support/bits.hpp"
 #include "tests/support/jitter_team.hpp"
 #include "tests/support/plan_views.hpp"

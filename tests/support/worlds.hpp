@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "bench/scenes/worlds.hpp"
+#include "scenes/worlds.hpp"
 #include "stiction/world.hpp"
 
 /// Worlds for tests and what is read off them.

@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <limits>
 
-#include "bench/scenes/body_scenes.hpp"
-#include "bench/scenes/box_scenes.hpp"
 #include "cuda/emulated/emulated_device.hpp"
 #include "cuda/machine/body_machine.hpp"
+#include "scenes/body_scenes.hpp"
+#include "scenes/box_scenes.hpp"
 #include "stiction/error.hpp"
 #include "tests/support/body_methods.hpp"
 

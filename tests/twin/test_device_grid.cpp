@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <numeric>
 
-#include "bench/scenes/body_scenes.hpp"
 #include "core/team/phases.hpp"
 #include "cuda/emulated/emulated_launch.hpp"
 #include "cuda/machine/body_machine.hpp"
+#include "scenes/body_scenes.hpp"
 #include "tests/support/body_methods.hpp"
 #include "tests/support/every_solver.hpp"
 #include "tests/support/on_engine.hpp"

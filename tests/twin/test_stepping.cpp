@@ -1,6 +1,6 @@
 #include <gtest/gtest.h>
 
-#include "bench/scenes/rng.hpp"
+#include "scenes/rng.hpp"
 #include "stiction/error.hpp"
 #include "stiction/stepping.hpp"
 #include "tests/support/scene_batches.hpp"

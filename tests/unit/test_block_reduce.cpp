@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <vector>
 
-#include "bench/scenes/rng.hpp"
+#include "scenes/rng.hpp"
 
 namespace {
 

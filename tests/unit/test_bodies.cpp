@@ -5,7 +5,7 @@
 #include <limits>
 #include <string>
 
-#include "bench/scenes/body_scenes.hpp"
+#include "scenes/body_scenes.hpp"
 #include "stiction/residual.hpp"
 #include "tests/support/bits.hpp"
 #include "tests/support/body_systems.hpp"

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "bench/scenes/body_scenes.hpp"
+#include "scenes/body_scenes.hpp"
 #include "stiction/error.hpp"
 #include "stiction/residual.hpp"
 #include "stiction/world_derivative.hpp"

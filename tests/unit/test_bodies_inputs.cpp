@@ -8,7 +8,7 @@
 #include <limits>
 #include <string>
 
-#include "bench/scenes/body_scenes.hpp"
+#include "scenes/body_scenes.hpp"
 #include "tests/support/body_systems.hpp"
 #include "tests/support/error_message.hpp"
 

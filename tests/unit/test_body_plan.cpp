@@ -5,8 +5,8 @@
 #include <utility>
 #include <vector>
 
-#include "bench/scenes/body_scenes.hpp"
 #include "core/plan/body_plan.hpp"
+#include "scenes/body_scenes.hpp"
 #include "tests/support/body_systems.hpp"
 
 namespace stiction::test {

@@ -7,9 +7,9 @@
 #include <span>
 #include <vector>
 
-#include "bench/scenes/rng.hpp"
 #include "core/algorithm/problem/cone_projection.hpp"
 #include "core/algorithm/rigid/newton/friction_cone.hpp"
+#include "scenes/rng.hpp"
 #include "stiction/pyramid.hpp"
 #include "tests/support/small_systems.hpp"
 

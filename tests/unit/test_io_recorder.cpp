@@ -4,7 +4,7 @@
 
 #include <limits>
 
-#include "bench/scenes/merge.hpp"
+#include "scenes/merge.hpp"
 #include "stiction/hash.hpp"
 #include "stiction/padded.hpp"
 #include "tests/support/scene_batches.hpp"

@@ -4,7 +4,7 @@
 
 #include <numeric>
 
-#include "bench/scenes/rng.hpp"
+#include "scenes/rng.hpp"
 
 namespace stiction::bench {
 namespace {

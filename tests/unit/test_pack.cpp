@@ -8,8 +8,8 @@
 #include <limits>
 #include <vector>
 
-#include "bench/scenes/rng.hpp"
 #include "core/algorithm/problem/cone_projection.hpp"
+#include "scenes/rng.hpp"
 
 namespace {
 

@@ -4,9 +4,9 @@
 #include <cmath>
 #include <map>
 
-#include "bench/scenes/geometry.hpp"
-#include "bench/scenes/multibody.hpp"
-#include "bench/scenes/scenes.hpp"
+#include "scenes/geometry.hpp"
+#include "scenes/multibody.hpp"
+#include "scenes/scenes.hpp"
 #include "tests/support/scene_algebra.hpp"
 
 // The mechanics of the scenes against what one knows without them: weights, textbook matrices, rates of theory.

@@ -6,7 +6,7 @@
 #include <ostream>
 #include <set>
 
-#include "bench/scenes/scenes.hpp"
+#include "scenes/scenes.hpp"
 #include "stiction/batch.hpp"
 #include "stiction/error.hpp"
 #include "stiction/hash.hpp"

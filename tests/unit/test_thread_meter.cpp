@@ -9,10 +9,10 @@
 #include <thread>
 #include <vector>
 
-#include "bench/scenes/body_scenes.hpp"
-#include "bench/scenes/worlds.hpp"
 #include "cpu_fallback/threads/thread_pool.hpp"
 #include "cpu_fallback/threads/thread_team.hpp"
+#include "scenes/body_scenes.hpp"
+#include "scenes/worlds.hpp"
 #include "stiction/bodies.hpp"
 #include "stiction/hash.hpp"
 #include "stiction/thread_meter.hpp"

@@ -1,0 +1,45 @@
+#include "cli/python_command.hpp"
+
+#include <unistd.h>
+
+#include <cstdio>
+#include <string_view>
+#include <vector>
+
+#include "cli/commands.hpp"
+
+namespace stiction::cli {
+
+namespace {
+
+/// A package that is missing is said in a sentence; what a command lacks, the command says.
+constexpr const char* kProgram = R"(
+import sys
+try:
+    from stiction.__main__ import main
+except ModuleNotFoundError as missing:
+    if missing.name != "stiction":
+        raise
+    print("stiction: view and report need the Python package, which python3 has not: see docs/install.md", file=sys.stderr)
+    sys.exit(2)
+sys.exit(main())
+)";
+
+}  // namespace
+
+bool is_python_command(int argc, char** argv) {
+  if (argc < 2) return false;
+  const std::string_view name = argv[1];
+  return name == "view" || name == "report";
+}
+
+int run_python_command(char** argv) {
+  std::vector<const char*> arguments{"python3", "-c", kProgram};
+  for (char** argument = argv + 1; *argument != nullptr; ++argument) arguments.push_back(*argument);
+  arguments.push_back(nullptr);
+  ::execvp(arguments.front(), const_cast<char* const*>(arguments.data()));
+  std::fputs("stiction: view and report need python3, which is not on the path\n", stderr);
+  return kExitBadInput;
+}
+
+}  // namespace stiction::cli
