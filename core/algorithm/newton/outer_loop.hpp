@@ -16,7 +16,7 @@ inline constexpr double kEnoughCompliance = 1e-5;
 /// steps. Each time they are twice as many, up to kMostSweeps: sweeps that begin again lose their momentum.
 inline constexpr Index kFirstSweeps = 48, kMostSweeps = 3072, kLongProblem = 12;
 /// Share of the iterate's residual that a problem may leave before the next one.
-inline constexpr double kInnerPart = 0.1;
+inline constexpr double kProblemPart = 0.1;
 /// Steps without a better iterate after which the loop ends.
 inline constexpr Index kMostIdleSteps = 100;
 /// Share of its first residual to which a linear system is solved: at most a step's, and that of a new problem's first
@@ -116,7 +116,7 @@ STICTION_HD NewtonEnd solve_by_newton(Space& space, Index& steps, Index most) {
     idle = sequence.best < before ? 0 : idle + 1;
     if (idle >= kMostIdleSteps || (is_exhausted && !space.has_sequence())) return NewtonEnd::stalled;
     if (steps >= most) break;
-    const bool is_met = is_exhausted || residual.problem <= kInnerPart * residual.iterate;
+    const bool is_met = is_exhausted || residual.problem <= kProblemPart * residual.iterate;
     const bool is_long = space.can_sweep() && ++sequence.problem_steps >= kLongProblem;
     if (space.can_sweep() && (is_long || (is_met && residual.iterate > sequence.renewed))) {
       space.sweep();
