@@ -39,9 +39,9 @@ class Race(BatchedSimulation):
         self.residuals = {tolerance: [] for tolerance in self.times}
         self.rows = []
 
-    def _solves(self, key, stages, count=1):
+    def _run_solves(self, key, stages, count=1):
         if not hasattr(self, "times"):
-            return super()._solves(key, stages, count)
+            return super()._run_solves(key, stages, count)
         for before, after in stages():
             self._run(*before)
             self._race()
@@ -57,7 +57,7 @@ class Race(BatchedSimulation):
             self.times[tolerance].append(time.thread_time() - start)
             forces[tolerance] = np.concatenate([one.efc_force.copy() for one in self.data])
         start = time.thread_time()
-        super()._solves("solve", lambda: (((), ()),))
+        super()._run_solves("solve", lambda: (((), ()),))
         self.times["ours"].append(time.thread_time() - start)
         self.rows.append(sum(one.nefc for one in self.data))
         if self.turn % self.judged == 0:

@@ -71,13 +71,13 @@ class BatchedSimulation:
             raise ValueError(f"n: expected at least one simulation, got {0 if is_given else n}")
         if not 0 <= float(warm_start) <= 1:
             raise ValueError(f"warm_start: expected a number in [0, 1], got {warm_start}")
-        self._own = isinstance(solver, str) and solver == "mujoco"
+        self._uses_mujoco = isinstance(solver, str) and solver == "mujoco"
         if isinstance(solver, Solver):
             if solver.device != "cpu":
                 raise ValueError(f"solver: expected one on cpu, where MuJoCo is, got one on {solver.device}")
             self.solver = solver
         else:
-            self.solver = Solver(solver="auto" if self._own else solver, tolerance=tolerance,
+            self.solver = Solver(solver="auto" if self._uses_mujoco else solver, tolerance=tolerance,
                                  max_iterations=max_iterations, threads=threads)
         refuse(model)
         mujoco.mj_forward(model, self.data[0])  # in the module that turns MuJoCo's errors into exceptions
@@ -95,7 +95,7 @@ class BatchedSimulation:
         self._metric = self._limits = None
         # Sensors of accelerations and forces. MuJoCo's stages leave it to mj_forward to say that those are new.
         feels = (np.asarray(model.sensor_needstage) == int(mujoco.mjtStage.mjSTAGE_ACC)).any()
-        self._sense = ("renew_forces", "mj_sensorAcc") if feels else ("mj_sensorAcc",)
+        self._sensor_stages = ("renew_forces", "mj_sensorAcc") if feels else ("mj_sensorAcc",)
         self.seconds = {}
         self.clear()
 
@@ -120,7 +120,7 @@ class BatchedSimulation:
         return self._data
 
     def __repr__(self):
-        solver = "MuJoCo's own solver" if self._own else repr(self.solver)
+        solver = "MuJoCo's own solver" if self._uses_mujoco else repr(self.solver)
         return f"<stiction.mujoco.BatchedSimulation of {len(self)}, {solver}>"
 
     @property
@@ -131,7 +131,7 @@ class BatchedSimulation:
     @property
     def starts_from_reactions(self):
         """Whether solves start from the reactions of the step before, which are kept here and not in mjData."""
-        return self._warm and not self._own and not self._core.starts_from_accelerations()
+        return self._warm and not self._uses_mujoco and not self._core.starts_from_accelerations()
 
     # -- stepping -----------------------------------------------------------------------------------------------------
 
@@ -157,13 +157,13 @@ class BatchedSimulation:
     def _advance(self, nstep):
         opt = self.model.opt
         if opt.integrator != _DISCRETE:
-            return self._solves(("step", opt.integrator, opt.enableflags), self._step_stages, nstep)
+            return self._run_solves(("step", opt.integrator, opt.enableflags), self._step_stages, nstep)
         for _ in range(nstep):
             self._constrain_discretely(check=True)
             start = time.perf_counter()
             # Its own step: velocities by qacc, without damping once more.
             with self._options(disable=mujoco.mjtDisableBit.mjDSBL_EULERDAMP):
-                self._run(*self._accept(), "mj_Euler")
+                self._run(*self._stages_after_solve(), "mj_Euler")
             self.seconds["advance"] += time.perf_counter() - start
 
     def forward(self, active=None):
@@ -171,9 +171,10 @@ class BatchedSimulation:
         self._activate(active)
         if self.model.opt.integrator == _DISCRETE:
             self._constrain_discretely(check=False)
-            self._run(*self._sense)
+            self._run(*self._sensor_stages)
         else:
-            self._solves(("forward", self.model.opt.enableflags), lambda: ((self._smooth(check=False), self._sense),))
+            self._run_solves(("forward", self.model.opt.enableflags),
+                             lambda: ((self._stages_before_solve(check=False), self._sensor_stages),))
 
     def run(self, *functions, active=None):
         """Calls functions of MuJoCo's C interface that take a model and a data, by name, on every simulation."""
@@ -226,7 +227,7 @@ class BatchedSimulation:
     def batch(self):
         """The constraints of the last solve as a stiction.Batch in Jacobian form; copies. `extras` has lambda_, the
         reactions, velocities, the accelerations, and cone_id. With solver="mujoco" they are those that lie in `data`."""
-        if not self._own:
+        if not self._uses_mujoco:
             return batch_of(_core.mujoco_arrays(self._core), self.model.nv)
         self._collect()
         batch = batch_of(_core.mujoco_arrays(self._core), self.model.nv)
@@ -297,7 +298,7 @@ class BatchedSimulation:
         finally:
             opt.ls_iterations, opt.disableflags = kept
 
-    def _smooth(self, check, senses=True):
+    def _stages_before_solve(self, check, senses=True):
         """The functions of MuJoCo up to the solve, of one stage of a step. RK4 has sensors in the first alone, and energies
         in all: after a step data.energy is that of the last, as mj_step leaves it."""
         energy = bool(self.model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_ENERGY)
@@ -306,44 +307,45 @@ class BatchedSimulation:
                 *(("mj_sensorVel",) if senses else ()), *(("mj_energyVel",) if energy else ()), "mj_fwdActuation",
                 "mj_fwdAcceleration")
 
-    def _accept(self):
+    def _stages_after_solve(self):
         """The functions of MuJoCo between the first solve of a step and its integrator."""
         compares = bool(self.model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_FWDINV)
-        return (*self._sense, "mj_checkAcc", *(("mj_compareFwdInv",) if compares else ()))
+        return (*self._sensor_stages, "mj_checkAcc", *(("mj_compareFwdInv",) if compares else ()))
 
     def _step_stages(self):
         """The solves of a step, and what simulations are taken through before and after each."""
         integrator = self.model.opt.integrator
         if integrator == mujoco.mjtIntegrator.mjINT_RK4:
-            smooth = (self._smooth(check=True), *[self._smooth(check=False, senses=False)] * 3)
-            on = ((*self._accept(), "rk4_begin", "rk4_enter_1"), ("rk4_leave_1", "rk4_enter_2"),
+            smooth = (self._stages_before_solve(check=True), *[self._stages_before_solve(check=False, senses=False)] * 3)
+            on = ((*self._stages_after_solve(), "rk4_begin", "rk4_enter_1"), ("rk4_leave_1", "rk4_enter_2"),
                   ("rk4_leave_2", "rk4_enter_3"), ("rk4_leave_3", "rk4_end"))
             return tuple(zip(smooth, on))
         name = "mj_Euler" if integrator == mujoco.mjtIntegrator.mjINT_EULER else "mj_implicit"
-        return ((self._smooth(check=True), (*self._accept(), name)),)
+        return ((self._stages_before_solve(check=True), (*self._stages_after_solve(), name)),)
 
-    def _solves(self, key, stages, count=1):
-        """Solves the constraints of all simulations that often, each taken through some stages before and some after. stages()
-        are those of that key: in a cache that MuJoCo has filled, every line of Python counts."""
+    def _run_solves(self, key, stages, count=1):
+        """Runs `count` times the solves of a step. stages() gives the functions that every simulation runs before and after
+        each solve. They are kept by `key`: in a cache that MuJoCo has filled, every line of Python counts."""
         plan = self._plans.get(key)
         if plan is None:
-            theirs = address("mj_fwdConstraint") if self._own else 0
+            own_stage = address("mj_fwdConstraint") if self._uses_mujoco else 0
             plan = self._plans[key] = [
-                _core.MujocoSolve(self._stages_at(before), self._stages_at(after), theirs) if theirs else
-                _core.MujocoSolve(self._stages_at((*before, "count")), self._stages_at(("write_back", *after)), theirs)
+                _core.MujocoSolve(self._stages_at(before), self._stages_at(after), own_stage) if own_stage else
+                _core.MujocoSolve(self._stages_at((*before, "count")), self._stages_at(("write_back", *after)), own_stage)
                 for before, after in stages()]
-        if self._own or self.solver._statistics.only_keeps:
-            return self._go(plan, count)
+        if self._uses_mujoco or self.solver._statistics.only_keeps:
+            return self._run_plan(plan, count)
         for _ in range(count):  # a callback is called after every solve
-            for one in plan:
-                self._go([one], 1)
+            for solve in plan:
+                self._run_plan([solve], 1)
 
-    def _go(self, plan, count):
+    def _run_plan(self, plan, count):
+        """Runs a list of solves `count` times, and adds up where the seconds went."""
         found = self._core.step(plan, count)
         for name, seconds in zip(self.seconds, found):
             self.seconds[name] += seconds
-        if not self._own:
-            self._note(found[2], count * len(plan))
+        if not self._uses_mujoco:
+            self._record_statistics(found[2], count * len(plan))
 
     def _collect(self):
         """Gathers what MuJoCo's own solver has solved."""
@@ -357,11 +359,11 @@ class BatchedSimulation:
         """Up to accelerations with integrator `discrete`, parts of whose metric mj_forward alone builds: it runs, with a
         solver whose line search makes no step."""
         start = time.perf_counter()
-        with self._options(ls_iterations=None if self._own else 0):
+        with self._options(ls_iterations=None if self._uses_mujoco else 0):
             self._run(*(("mj_checkPos", "mj_checkVel") if check else ()), "mj_forward")
         found = time.perf_counter()
         self.seconds["smooth"] += found - start
-        if self._own:
+        if self._uses_mujoco:
             return
         self._run("count")
         self._core.gather(all=True)  # their metrics take the places of masses
@@ -375,9 +377,9 @@ class BatchedSimulation:
         self._metric.after()
         self.seconds["assemble"] += gathered - found + time.perf_counter() - solved
         self.seconds["solve"] += solved - gathered
-        self._note(solved - gathered, 1)
+        self._record_statistics(solved - gathered, 1)
 
-    def _note(self, seconds, solves):
+    def _record_statistics(self, seconds, solves):
         """Statistics, callback and files of failures of the solver, as of its own solves."""
         statistics, guess = self.solver._statistics, self._warm or None
         records = self._core.take_records()
