@@ -45,8 +45,8 @@ struct PackIslands {
     return found;
   }
 
-  /// Raises the scales of cones that share a degree of freedom with one of the largest scale. That is most often all
-  /// of them, by their first column, and no pass follows.
+  /// Raises the scales of cones whose degrees of freedom are joined, from parent to child, with those of a cone of the
+  /// largest scale. That is most often all of them, by their first column, and no pass follows.
   STICTION_HD void raise_neighbours(const Doubles& scale, const Doubles& reach, Double most) const {
     for (Index k = 0; k < pack.tree.dofs; ++k) reach.put(k, Double(0));
     for (Index s = 0; s < pack.counts.slots; ++s) {
@@ -57,6 +57,8 @@ struct PackIslands {
         reach.put(dof, select(and_(is_top, touches(pack.slots[s], c)), most, reach[dof]));
       }
     }
+    for (Index k = pack.tree.dofs; k-- > 0;) spread_along_entry(k, pack.tree.depth[k] - 1, reach);
+    for (Index k = 0; k < pack.tree.dofs; ++k) spread_along_entry(k, pack.tree.depth[k] - 1, reach);
     for (Index s = 0; s < pack.counts.slots; ++s)
       for (Index c = 0; c < pack.slots[s].columns && any(scale[s] < most); ++c)
         scale.put(s, select(touches(pack.slots[s], c), max_(reach[pack.slots[s].dof[c]], scale[s]), scale[s]));
@@ -84,15 +86,17 @@ struct PackIslands {
   }
 
   STICTION_HD void spread_along_mass(const Doubles& reach) const {
-    for (Index k = 0; k < pack.tree.dofs; ++k) {
-      const auto* const path = pack.tree.path(k);
-      for (Index d = pack.tree.first(k); d < pack.tree.depth[k]; ++d) {
-        const auto coupled = pack.number(pack.workspace.M, pack.tree.begin[k] + d) != Double(0);
-        const Double together = max_(reach[k], reach[path[d]]);
-        reach.put(k, select(coupled, together, reach[k]));
-        reach.put(path[d], select(coupled, together, reach[path[d]]));
-      }
-    }
+    for (Index k = 0; k < pack.tree.dofs; ++k)
+      for (Index d = pack.tree.first(k); d < pack.tree.depth[k]; ++d) spread_along_entry(k, d, reach);
+  }
+  /// Along M's entry of k and the degree of freedom at depth d of its path, if it has one.
+  STICTION_HD void spread_along_entry(Index k, Index d, const Doubles& reach) const {
+    if (d < pack.tree.first(k)) return;
+    const Index other = pack.tree.path(k)[d];
+    const auto coupled = pack.number(pack.workspace.M, pack.tree.begin[k] + d) != Double(0);
+    const Double together = max_(reach[k], reach[other]);
+    reach.put(k, select(coupled, together, reach[k]));
+    reach.put(other, select(coupled, together, reach[other]));
   }
 };
 
