@@ -215,6 +215,18 @@ def best(rows, **wanted):
     return min(own, key=lambda row: (row["us"], row["peer_us"])) if own else None
 
 
+def told(rows):
+    """The rows that tables and summary.py tell: of each robot, form, start and goal the fastest of ours against every one
+    of theirs, and auto in f64 against the fastest."""
+    races = {}
+    for row in rows:
+        races.setdefault(tuple(row[name] for name in ("robot", "form", "start", "goal")), []).append(row)
+    for race_rows in races.values():
+        fastest, auto = best(race_rows), best(race_rows, solver="auto", precision="f64")
+        yield from (row for row in race_rows
+                    if row is auto or all(row[name] == fastest[name] for name in ("solver", "precision")))
+
+
 def said(row):
     if row is None:
         return "-"
@@ -305,7 +317,8 @@ def main():
             begin = time.process_time()
             rows += race(Robot(path, arguments.envs, judge, arguments.repeat), functions, arguments)
             print(f"{path.stem}: {time.process_time() - begin:.1f} s", file=sys.stderr, flush=True)
-    written = [{key: f"{value:.4g}" if isinstance(value, float) else value for key, value in row.items()} for row in rows]
+    written = [{key: f"{value:.4g}" if isinstance(value, float) else value for key, value in row.items()}
+               for row in told(rows)]
     measure.write_table(arguments.results / f"{arguments.name}.csv", ["bench/peers/robots.py", f"machine: {measure.machine_name()}",
                         f"MuJoCo {mujoco.__version__}, stiction {stiction.__version__}"], COLUMNS, written)
     report(rows, arguments.goals, arguments.results / f"{arguments.name}.md")
