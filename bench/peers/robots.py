@@ -216,8 +216,8 @@ def best(rows, **wanted):
 
 
 def told(rows):
-    """The rows that tables and summary.py tell: of each robot, form, start and goal the fastest of ours against every one
-    of theirs, and auto in f64 against the fastest."""
+    """The rows that the tables of report() and summary.py tell. For each robot, form, start and goal they are the fastest
+    of ours against each of theirs, and auto in f64."""
     races = {}
     for row in rows:
         races.setdefault(tuple(row[name] for name in ("robot", "form", "start", "goal")), []).append(row)

@@ -10,8 +10,8 @@
 /// which the motion of every contact is shifted by mu times its own sliding.
 namespace stiction::inline STICTION_ISA {
 
-/// The residual that a linear system may keep is the sequence's. One Newton step from workspace.point, whose reactions
-/// and descent are there. Returns false if the function falls by no more than rounding.
+/// Takes one Newton step from workspace.point, whose reactions and descent are there. Its linear system is solved to
+/// the sequence's tolerance. Returns false if the function falls by no more than rounding.
 template <Team TeamT>
 STICTION_HD_OUTLINE bool take_newton_step(TeamT& team, const SpaceWorkspace& workspace, const BodySpaceOptions& space,
                                           double compliance, NewtonSequence& sequence) {
