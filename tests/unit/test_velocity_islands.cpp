@@ -155,4 +155,40 @@ TEST(VelocityIslands, APartWithoutAnswerLeavesItsEnvironmentToAAndNobodyElse) {
   for (std::size_t i = first.size(); i < 2 * first.size(); ++i) EXPECT_EQ(all.contact.lambda[i], 0.0);
 }
 
+/// Two degrees of freedom, each with a limit that is pressed, the second a thousand times less, and one that is far
+/// away.
+JacobianEnvironment<double> two_islands() {
+  JacobianEnvironment<double> env;
+  env.cones = {unilateral(), unilateral(), unilateral()};
+  env.J = {1, 0, 0, 1, 1, 0};
+  env.M = diagonal({1, 1});
+  env.v_free = {-1, -1e-3};
+  env.target = {0, 0, -10};
+  env.R = {0.1, 0.1, 0.1};
+  return env;
+}
+
+TEST(VelocityIslands, OfALaneAreNotJoinedByLanesBesideIt) {
+  JacobianEnvironment<double> joined = two_islands();
+  joined.J = {1, 1, 1, -1, 1, 0};
+  std::vector<JacobianEnvironment<double>> envs;
+  std::vector<double> guess;
+  for (int pair = 0; pair < 8; ++pair) {
+    envs.push_back(two_islands());
+    envs.push_back(joined);
+    guess.insert(guess.end(), {1 / 1.1, 0, 0, 0, 0, 0});  // right for the first limit, and 1e-3 off in the second
+  }
+  JacobianBatch<double> batch(Law::convex);
+  for (const auto& env : envs) batch.add(env);
+  const auto solution =
+      solve(batch, options(SolverKind::automatic, 1e-2, 100), Device::cpu(), std::span<const double>(guess));
+  for (std::size_t e = 0; e < envs.size(); ++e) {
+    EXPECT_EQ(solution.contact.status[e].solver, SolverKind::velocity_newton);
+    EXPECT_EQ(solution.contact.status[e].code, EnvCode::solved);
+    if (e % 2 == 0) {
+      EXPECT_NEAR(solution.contact.lambda[3 * e + 1], 1e-3 / 1.1, 1e-5);
+    }
+  }
+}
+
 }  // namespace
