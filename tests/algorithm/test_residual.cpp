@@ -141,6 +141,24 @@ TEST(ResidualBody, ANormThatVanishesIsNotZero) {
   }
 }
 
+TEST(ResidualBody, AnAxisFarLighterThanItsNormalHasFriction) {
+  // A fuzzer's: the weight of such an axis has no inverse, and it passed for one without friction.
+  for (const double normal : {1e40, 1e290, 1e303, 1.7e308})
+    for (const double mu : {1e-3, 1.0}) {
+      SCOPED_TRACE(::testing::Message() << normal << ", mu " << mu);
+      const auto env = contact({normal, 1, 1}, {-3, 8, 0}, mu);
+      EXPECT_GT(body_residual<Law::convex>(env, {3 / normal, 0, 0}), 0.9 * 8 * mu) << "the cone lifts what slides";
+      ContactBatch<double> batch(Law::convex);
+      batch.add(env);
+      for (const SolverKind solver : kEverySolver) {
+        if (solver == SolverKind::lemke) continue;
+        const auto solution = solve(batch, options(solver, 1e-4, 50));
+        const double judged = verify(batch.view(), std::span<const double>(solution.lambda))[0].relative;
+        EXPECT_TRUE(solution.status[0].code != EnvCode::solved || judged <= 1.5e-4) << to_string(solver) << judged;
+      }
+    }
+}
+
 TEST(ResidualBody, WhatItCannotSeeIsNotSolvedWhateverIsAllowed) {
   constexpr double kInfinite = std::numeric_limits<double>::infinity();
   const auto relative = [](double residual, double floor, double tolerance) {

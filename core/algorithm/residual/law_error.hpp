@@ -16,7 +16,7 @@ struct ConeMetric {
   Real slip[M];   ///< weight of y_k^2: its inverse; 1 / mu_k^2 of a row that cannot move
 };
 
-/// Squares of an axis' friction below this have no inverse: the axis counts as one without friction.
+/// Weights below this have no inverse and count as this. Axes of no larger weight and mu squared have no friction.
 template <class Real>
 inline constexpr double kLeastPress = sizeof(Scalar<Real>) == sizeof(float) ? 0x1p-120 : 0x1p-1000;
 
@@ -30,15 +30,22 @@ template <class Real>
 struct AxisWeights {
   Real press, slip;
 };
+/// `press`: where the row moves its weight, else mu^2.
+template <class Real>
+STICTION_HD AxisWeights<Real> axis_weights_of(Mask<Real> moves, Real press, Real mu) {
+  const Real least(static_cast<Scalar<Real>>(kLeastPress<Real>));
+  const auto counts = max_(mu * mu, press) > least;
+  const Real weight = max_(press, least);
+  return {select(and_(moves, counts), weight, Real(0)),
+          select(counts, div_(Real(1), select(counts, weight, Real(1))), Real(0))};
+}
 /// `d`: of the row, before mu.
 template <class Real>
 STICTION_HD AxisWeights<Real> axis_weights(Real d_n, Real d, Real mu) {
   const auto moves = and_(d_n > Real(0), d > Real(0));
   const Real most(static_cast<Scalar<Real>>(kMostRatio<Real>));
   const Real press = (mu * mu) * select(moves, min_(div_(d, select(moves, d_n, Real(1))), most), Real(1));
-  const auto counts = press > Real(static_cast<Scalar<Real>>(kLeastPress<Real>));
-  return {select(and_(moves, counts), press, Real(0)),
-          select(counts, div_(Real(1), select(counts, press, Real(1))), Real(0))};
+  return axis_weights_of(moves, press, mu);
 }
 
 /// axis_weights() from the row's diagonal entry in the coordinates of the unit cone, mu^2 d.
@@ -48,9 +55,7 @@ STICTION_HD AxisWeights<Real> unit_axis_weights(Real d_n, Real unit_d, Real mu) 
   const Real most(static_cast<Scalar<Real>>(kMostRatio<Real>));
   const Real ratio = div_(unit_d, select(moves, d_n, Real(1)));
   const Real press = select(moves, select(finite_(unit_d), min_(ratio, most), ratio), mu * mu);
-  const auto counts = press > Real(static_cast<Scalar<Real>>(kLeastPress<Real>));
-  return {select(and_(moves, counts), press, Real(0)),
-          select(counts, div_(Real(1), select(counts, press, Real(1))), Real(0))};
+  return axis_weights_of(moves, press, mu);
 }
 
 /// A law as the type of an argument.
