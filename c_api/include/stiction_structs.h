@@ -138,7 +138,7 @@ typedef enum stiction_env_flag {
   STICTION_FLAG_CROSSED_BOUNDS = 1 << 2,      /**< some lo > hi */
   STICTION_FLAG_NEGATIVE_COMPLIANCE = 1 << 3, /**< some R < 0 */
   STICTION_FLAG_BAD_DIAGONAL = 1 << 4,        /**< a diagonal of A + R that no contact has */
-  STICTION_FLAG_WARM_START_REJECTED = 1 << 5, /**< the warm start was not finite; started from zero */
+  STICTION_FLAG_WARM_START_REJECTED = 1 << 5, /**< the warm start or its square was not finite; started from zero */
   STICTION_FLAG_ASYMMETRIC = 1 << 6,        /**< A differs from its transpose by more than 1e-2 of its largest entry */
   STICTION_FLAG_CONTACTS_DROPPED = 1 << 7,  /**< more contacts than room; solved with those that are there */
   STICTION_FLAG_BAD_MASS = 1 << 8,          /**< a mass matrix that is not positive definite, or not finite */

@@ -240,6 +240,8 @@ TEST(Prepare, BrokenNumbersAreFlaggedAndNothingElseIsDone) {
   env.hi = {-1};
   EXPECT_EQ(flags_of(env), static_cast<std::uint32_t>(kFlagCrossedBounds));
   EXPECT_EQ(DensePgs(sound, {nan, 0, 0}).flags, static_cast<std::uint32_t>(kFlagWarmStartRejected));
+  EXPECT_EQ(DensePgs(sound, {0, -1e155, 0}).flags, static_cast<std::uint32_t>(kFlagWarmStartRejected));
+  EXPECT_EQ(DensePgs(sound, {0, -1e153, 0}).flags, 0U);
 }
 
 TEST(Prepare, AsymmetryIsMeasuredRelativeToTheLargestEntryOnBothForms) {

@@ -265,16 +265,18 @@ TEST(VelocityNewton, AWarmStartFromTheSolutionTakesAlmostNoStep) {
   }
 }
 
-TEST(VelocityNewton, AWarmStartThatIsNotFiniteIsFlaggedAndForgotten) {
+TEST(VelocityNewton, AWarmStartWithoutFiniteSquaresIsFlaggedAndForgotten) {
   const auto batch = batch_of(chains(0.01));
   const SolverOptions o = options(SolverKind::automatic, 1e-8, 1000);
   const auto cold = solve(batch, o);
-  std::vector<double> guess(cold.contact.lambda.size(), 0.0);
-  guess[2] = std::numeric_limits<double>::infinity();
-  const auto warm = solve(batch, o, Device::cpu(), std::span<const double>(guess));
-  EXPECT_EQ(warm.contact.status[0].flags, static_cast<std::uint32_t>(kFlagWarmStartRejected));
-  EXPECT_EQ(warm.contact.status[0].code, EnvCode::solved);
-  EXPECT_EQ(warm.contact.status[1].flags, 0U);
+  for (const double none : {std::numeric_limits<double>::infinity(), -1e300}) {
+    std::vector<double> guess(cold.contact.lambda.size(), 0.0);
+    guess[2] = none;
+    const auto warm = solve(batch, o, Device::cpu(), std::span<const double>(guess));
+    EXPECT_EQ(warm.contact.status[0].flags, static_cast<std::uint32_t>(kFlagWarmStartRejected));
+    EXPECT_EQ(warm.contact.status[0].code, EnvCode::solved);
+    EXPECT_EQ(warm.contact.status[1].flags, 0U);
+  }
 }
 
 TEST(VelocityNewton, WhatItDoesNotTakeIsSolvedByTheOthers) {

@@ -2,6 +2,7 @@
 
 #include "core/algorithm/load/held_rows.hpp"
 #include "core/algorithm/problem/cone_projection.hpp"
+#include "core/algorithm/problem/first_guess.hpp"
 #include "core/team/reduce.hpp"
 
 namespace stiction::inline STICTION_ISA {
@@ -145,7 +146,7 @@ STICTION_HD Inspection<Real> inspect(TeamT& team, const EnvView<Real>& env, Syst
   });
   if (env.warm_start != nullptr)
     for (Index i = team.rank(); i < env.n; i += team.size())
-      if (!finite_(env.warm_start[i])) flags |= kFlagWarmStartRejected;
+      if (!can_start_from(env.warm_start[i])) flags |= kFlagWarmStartRejected;
   flags = team.combine(flags);
   return {flags & ~kHoldsRows, team.max(largest_b), team.max(largest_diagonal), (flags & kHoldsRows) != 0};
 }

@@ -47,7 +47,7 @@ LanesSeen<Pack<Real, W>> inspect_lanes(const DenseSystem<Pack<Real, W>>& pack, c
         const Lanes diagonal = workspace.diagonal[r];
         note(seen.broken, not_(and_(finite_(b), finite_(workspace.compliance[r]))));
         note(seen.negative_compliance, workspace.compliance[r] < zero);
-        note(seen.bad_guess, not_(finite_(pack.x[r])));
+        note(seen.bad_guess, not_(can_start_from(pack.x[r])));
         if (k > 0) {
           note(seen.broken, not_(finite_(workspace.scale[r])));
           note(seen.negative_friction, workspace.scale[r] < zero);

@@ -51,9 +51,8 @@ STICTION_HD_OUTLINE std::uint32_t inspect_bodies(TeamT& team, const BodyEnv<Real
     if (!probe.is_finite()) flags |= kFlagNonFiniteInput;
     if (env.mu[c] < Real(0)) flags |= kFlagNegativeFriction;
     if (env.warm_start == nullptr) continue;
-    FiniteProbe<Real> guess;
-    guess.add(env.warm_start + row, 3);
-    if (!guess.is_finite()) flags |= kFlagWarmStartRejected;
+    for (Index k = 0; k < 3; ++k)
+      if (!can_start_from(env.warm_start[row + k])) flags |= kFlagWarmStartRejected;
   }
   return team.combine(flags);
 }

@@ -116,18 +116,18 @@ class VelocityNewton {
     return false;
   }
 
-  /// The warm start's reactions; zeros in lanes where any of them is not finite.
+  /// The warm start's reactions; zeros in lanes that cannot start from one of them.
   STICTION_HD_OUTLINE void load_guess() {
-    Wide nothing(0);  // NaN where anything is not finite
+    auto can_start = Wide(0) == Wide(0);
     for (Index s = 0; s < counts_.slots; ++s) {
       load_by_row<Types, Real>(slots_[s], envs_, job_.warm_start, Real(0), workspace_.x);
-      for (Index k = 0; k < slots_[s].rows; ++k) nothing = fma_(workspace_.x[slots_[s].row + k], Wide(0), nothing);
+      for (Index k = 0; k < slots_[s].rows; ++k)
+        can_start = and_(can_start, can_start_from(workspace_.x[slots_[s].row + k]));
     }
-    const auto is_finite = nothing == Wide(0);
-    if (!any(not_(is_finite))) return;
-    for (Index row = 0; row < counts_.rows; ++row) workspace_.x.put(row, select(is_finite, workspace_.x[row], Wide(0)));
+    if (!any(not_(can_start))) return;
+    for (Index row = 0; row < counts_.rows; ++row) workspace_.x.put(row, select(can_start, workspace_.x[row], Wide(0)));
     for (int l = 0; l < kLanes; ++l)
-      if (!is_set(is_finite, l) && !progress_[l].starts_at_velocity) progress_[l].flags |= kFlagWarmStartRejected;
+      if (!is_set(can_start, l) && !progress_[l].starts_at_velocity) progress_[l].flags |= kFlagWarmStartRejected;
   }
 
   /// The first velocity: v_free, or what the warm start says. Where both velocities and reactions are given, a sequence
@@ -138,7 +138,7 @@ class VelocityNewton {
       LaneProgress& lane = progress_[l];
       lane.goal = max_(lane.has_outer ? kFirstGoal : kAccurateTo, propose(lane));
       lane.starts_at_velocity = job_.warm_velocity != nullptr && lane.is_busy &&
-                                !(lane.has_outer && job_.warm_start != nullptr) && has_finite_velocity(l);
+                                !(lane.has_outer && job_.warm_start != nullptr) && has_first_velocity(l);
       any_reactions = any_reactions || (lane.is_busy && !lane.starts_at_velocity);
       any_velocity = any_velocity || lane.starts_at_velocity;
     }
@@ -175,11 +175,11 @@ class VelocityNewton {
   [[nodiscard]] STICTION_HD Real first_velocity(int l, Index k) const {
     return job_.warm_velocity[job_.batch.env_dof_offsets[envs_[l].env] + dof_of(envs_[l], k)];
   }
-  [[nodiscard]] STICTION_HD bool has_finite_velocity(int l) {
-    Real nothing(0);  // NaN where anything is not finite
-    for (Index k = 0; k < envs_[l].dofs; ++k) nothing = fma_(first_velocity(l, k), Real(0), nothing);
-    if (nothing != Real(0)) progress_[l].flags |= kFlagWarmStartRejected;
-    return nothing == Real(0);
+  [[nodiscard]] STICTION_HD bool has_first_velocity(int l) {
+    bool can_start = true;
+    for (Index k = 0; k < envs_[l].dofs; ++k) can_start = can_start && can_start_from(first_velocity(l, k));
+    if (!can_start) progress_[l].flags |= kFlagWarmStartRejected;
+    return can_start;
   }
   /// Goes to the given velocities in lanes that start there, unless the function (3) is smaller at v_free. What a small
   /// change of the free motion opens, or presses together, can make it far larger (docs/math/velocity_newton.md).

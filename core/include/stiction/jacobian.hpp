@@ -129,7 +129,7 @@ inline constexpr Index kMostVelocityDofs = 64;
 /// Where a solve of J and M starts; both may be null: from v_free, without reactions. `velocities` are for Newton's
 /// method in velocities (docs/math/velocity_newton.md). With them it does not read an environment's reactions, except
 /// where it solves a sequence of problems. All other methods start from `reactions`. An environment whose velocities
-/// are not finite starts without them, marked kFlagWarmStartRejected.
+/// have no finite squares starts without them, marked kFlagWarmStartRejected.
 template <class Real>
 struct JacobianStart {
   const Real* reactions = nullptr;   ///< lambda [lambda]                               (row_count)

@@ -35,7 +35,7 @@ enum EnvFlag : std::uint32_t {
   kFlagNegativeCompliance = 1U << 3,  ///< some R < 0
   kFlagBadDiagonal = 1U << 4,         ///< a non-free cone with a negative diagonal of A + R, or with a normal one of
                                       ///< zero in a row that is not zero
-  kFlagWarmStartRejected = 1U << 5,   ///< the warm start was not finite; started from zero
+  kFlagWarmStartRejected = 1U << 5,   ///< the warm start or its square was not finite; started from zero
   kFlagAsymmetric = 1U << 6,          ///< A differs from its transpose by more than 1e-2 of its largest entry
   kFlagContactsDropped = 1U << 7,     ///< more contacts than there was room for; solved with those that are there
   kFlagBadMass = 1U << 8,             ///< a mass matrix that is not positive definite, or not finite

@@ -58,7 +58,7 @@ class BlockNewton {
       evaluate();
     }
     if (is_solved()) return progress_.residual;
-    const bool by_velocity = !by_reactions && job_.warm_velocity != nullptr && has_finite_velocity();
+    const bool by_velocity = !by_reactions && job_.warm_velocity != nullptr && has_first_velocity();
     if (!by_reactions && !by_velocity) return progress_.residual;
     refresh();
     const double without = terms_.value(team_, mass_);
@@ -231,32 +231,32 @@ class BlockNewton {
     return {terms_.unknowns(), n_.force, n_.step, n_.gradients, tolerance, kMostGradientSteps};
   }
 
-  /// The warm start's reactions as the centre, if they are finite.
+  /// The warm start's reactions as the centre, if they are a start.
   STICTION_HD_OUTLINE bool load_reactions() {
     std::uint32_t broken = 0;
     for_each(team_, env_.rows, [&](Index row) {
       n_.held[row] = static_cast<double>(job_.warm_start[env_.first_row + row]);
-      if (!finite_(n_.held[row])) broken = 1;
+      if (!can_start_from(job_.warm_start[env_.first_row + row])) broken = 1;
     });
-    const bool is_finite = team_.combine(broken) == 0;
+    const bool can_start = team_.combine(broken) == 0;
     for_each(team_, env_.rows, [&](Index row) {
-      if (!is_finite) n_.held[row] = 0.0;
+      if (!can_start) n_.held[row] = 0.0;
       n_.shift[row] = 0.0 - n_.prox[row] * n_.held[row];
     });
-    if (!is_finite) progress_.flags |= kFlagWarmStartRejected;
-    return is_finite;
+    if (!can_start) progress_.flags |= kFlagWarmStartRejected;
+    return can_start;
   }
   [[nodiscard]] STICTION_HD double first_velocity(Index dof) const {
     return static_cast<double>(job_.warm_velocity[job_.batch.env_dof_offsets[env_.env] + dof]);
   }
-  [[nodiscard]] STICTION_HD_OUTLINE bool has_finite_velocity() {
+  [[nodiscard]] STICTION_HD_OUTLINE bool has_first_velocity() {
     std::uint32_t broken = 0;
     for_each(team_, env_.dofs, [&](Index dof) {
-      if (!finite_(first_velocity(dof))) broken = 1;
+      if (!can_start_from(first_velocity(dof))) broken = 1;
     });
-    const bool is_finite = team_.combine(broken) == 0;
-    if (!is_finite) progress_.flags |= kFlagWarmStartRejected;
-    return is_finite;
+    const bool can_start = team_.combine(broken) == 0;
+    if (!can_start) progress_.flags |= kFlagWarmStartRejected;
+    return can_start;
   }
 
   /// Motion, reactions and force at the point.
