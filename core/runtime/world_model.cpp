@@ -278,6 +278,14 @@ WorldModel<Real>::WorldModel(const WorldModelView<Real>& whole, std::span<const 
   view_.pair = nullptr;
 }
 
+double slowest_bounce(const std::array<double, 3>& gravity, double dt) {
+  const ScopedFpEnv fp_env;
+  constexpr double kMost = 0.1, kSteps = 5;
+  const double square = gravity[0] * gravity[0] + gravity[1] * gravity[1] + gravity[2] * gravity[2];
+  const double speed = kSteps * dt * std::sqrt(square);
+  return speed >= 0 && speed < kMost ? speed : kMost;
+}
+
 WorldBody solid_body(const WorldShape& shape, double density) {
   const ScopedFpEnv fp_env;
   require(density > 0, "density", density, "finite and > 0");

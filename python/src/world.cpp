@@ -334,6 +334,8 @@ void bind_world(nb::module_& module) {
         return std::pair(options.iterations, options.tolerance);
       },
       nb::arg("wide"), "(iterations, tolerance) of a world by default.");
+  module.def("slowest_bounce", &slowest_bounce, nb::arg("gravity"), nb::arg("dt"),
+             "restitution_threshold of a world by default [m/s].");
   nb::class_<KeptStep>(module, "WorldStep", "A step of a world, kept for its derivative.")
       .def("pull", &KeptStep::pull, nb::arg("twist"), nb::arg("position"));
   nb::class_<SharedWorld>(module, "World", "Worlds of rigid bodies on one device.")

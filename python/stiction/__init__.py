@@ -15,7 +15,8 @@ from ._semidefinite import semidefinite_matrix, semidefinite_vector
 from ._solution import CODES, SOLVERS, Solution
 from ._solver import Solver, verify, worst_contacts
 from ._stepping import ParallelContactSolver
-from ._world import Body, Shape, World, WorldContacts, WorldState, WorldStep
+from ._world import Body, Shape, World, WorldContacts, WorldState
+from ._world_step import WorldStep
 
 Error = _core.Error
 devices = _core.devices

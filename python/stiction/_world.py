@@ -1,4 +1,4 @@
-"""Worlds of rigid bodies: contacts are found, solved and stepped by the library, and steps have derivatives."""
+"""Worlds of rigid bodies: contacts are found, solved and stepped by the library."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from . import _core
 from ._arguments import number, whole, word
 from ._arrays import FLOATS, STATUS_DTYPE, apart, look, status_bytes, take
 from ._batch import Batch
-from ._derivative import GRADIENT_DTYPE, Gradients
 from ._progress import Progress
 from ._solution import SOLVED
 
@@ -135,6 +134,7 @@ class World:
 
     bodies, shapes: of Body and of Shape. env_count: environments. device: as for Solver. gravity [m/s2]. dtype:
     "float64" or "float32". dt [s], erp, slop [m], cfm [m/(N s)], restitution_threshold [m/s]: as for Batch.from_bodies.
+    A restitution_threshold of None is the speed that gravity gives in five steps, at most 0.1.
     law: "coulomb", "convex" or "boxed" (docs/math/box_friction.md, for "npgs" and "pgs").
     solver: "npgs" (sequential impulses with momentum, the default), "pgs" (without), "newton" or "multigrid". Bodies
     that lie on others a thousand times lighter need "newton"; `solved` tells where sweeps did not suffice.
@@ -150,7 +150,7 @@ class World:
 
     def __init__(self, bodies, shapes, env_count: int, device: str = "cpu", *, gravity=(0.0, 0.0, -9.81),
                  dtype: str = "float64", dt: float = 0.005, erp: float = 0.2, slop: float = 0.0, cfm: float = 0.0,
-                 restitution_threshold: float = 0.1, law: str = "coulomb", solver: str = "npgs",
+                 restitution_threshold: float | None = None, law: str = "coulomb", solver: str = "npgs",
                  max_iterations: int | None = None, tolerance: float | None = None, omega: float = 1.0,
                  margin: float = 0.01, warm_start: float = 0.95, max_contacts_per_env: int = 0, threads: int = 0):
         if solver not in _METHODS:
@@ -162,6 +162,8 @@ class World:
         self.shapes = tuple(_checked(f"shapes[{i}]", shape, Shape) for i, shape in enumerate(shapes))
         self.gravity = _numbers("World", "gravity", gravity, 3)
         self.env_count, self.law, self.solver = whole("env_count", env_count), word("law", law), solver
+        if restitution_threshold is None:
+            restitution_threshold = _core.slowest_bounce(self.gravity, number("dt", dt))
         self.stepping = (number("dt", dt), number("erp", erp), number("slop", slop), number("cfm", cfm),
                          number("restitution_threshold", restitution_threshold), 1,
                          whole("max_contacts_per_env", max_contacts_per_env))
@@ -352,49 +354,3 @@ class WorldContacts:
                                  self.restitution, twist_change=twist_change, body_offsets=bodies,
                                  contact_offsets=self.offsets, law=world.law, dt=dt, erp=erp, slop=slop, cfm=cfm,
                                  restitution_threshold=threshold, max_contacts_per_env=most)
-
-
-class WorldStep:
-    """Makes one step of a world, and keeps what its derivative needs; a rollout keeps one for each of its steps.
-
-        step = stiction.WorldStep(world, wrench)
-        gradients = step.vjp(twist=loss_by_twist, position=loss_by_position)
-        gradients.twist, gradients.wrench, gradients.friction
-
-    What is differentiated is the solution of the step's contact problem, restitution and stabilisation included, and
-    what the step does with it. The set of contacts is frozen; normals, arms, inertias and orientations are, too. So
-    `twist`, `wrench`, `friction`, `contact_mu` and `depth` are exact. `position` has what depths follow, and no more.
-    Exact means to the error of the solve: give the world a tolerance. Give contacts compliance (cfm > 0): a body on four
-    corners has no derivative otherwise, and is flagged "singular". There is no forward mode.
-
-    wrench: as for World.step. residual_limit, tie_tolerance, max_unknowns, threads, kappa: as for Derivative. kappa [J]
-    relaxes the contact problem; how the twists after it turn the bodies is differentiated at the exact twists.
-    """
-
-    def __init__(self, world: World, wrench=None, *, residual_limit: float = 1e-3, tie_tolerance: float = 1e-6,
-                 max_unknowns: int = 1024, threads: int = 0, kappa: float = 0.0):
-        _checked("world", world, World)
-        self._core = world._core.keep(world._taken("wrench", wrench, 6), number("residual_limit", residual_limit),
-                                      number("tie_tolerance", tie_tolerance), whole("max_unknowns", max_unknowns),
-                                      whole("threads", threads), number("kappa", kappa))
-        self._dtype, self._shape = world.dtype, world._shape
-        self._counts = world.env_count, len(world.shapes)
-
-    def vjp(self, *, twist=None, position=None) -> Gradients:
-        """Pulls derivatives of a loss by the twists (B, bodies, 6) and positions (B, bodies, 3) after the step back to
-        what it began with. None: zeros.
-
-        Returns derivatives by position (B, bodies, 3), twist and wrench (B, bodies, 6). Also by friction of each shape
-        (B, shapes), contact_mu and depth (contacts,). `status` has a record of GRADIENT_DTYPE for each environment.
-        One that is refused gets zeros and a flag (`valid`, `flagged`).
-        """
-        seen = []
-        for name, value, width in (("twist", twist, 6), ("position", position, 3)):
-            value = np.zeros(self._shape(width), self._dtype) if value is None else value
-            seen.append(take(name, value, self._dtype, self._shape(width), "cpu"))
-        found = self._core.pull(*seen)
-        status = found.pop("status").view(GRADIENT_DTYPE)
-        shapes = {"position": self._shape(3), "twist": self._shape(6), "wrench": self._shape(6),
-                  "friction": self._counts}
-        return Gradients(**{name: array.reshape(shapes.get(name, array.shape)) for name, array in found.items()},
-                         status=status)

@@ -16,7 +16,8 @@ from ._batch import Batch
 from ._derivative import Derivative
 from ._layout import cone_text
 from ._solver import Solver
-from ._world import WorldState, WorldStep
+from ._world import WorldState
+from ._world_step import WorldStep
 
 
 @functools.lru_cache(maxsize=64)

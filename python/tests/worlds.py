@@ -52,7 +52,7 @@ def stack():
 
 def bounce():
     balls = [Shape("sphere", 0.1, body=k, mu=0.5, restitution=e) for k, e in enumerate((0.3, 0.6, 0.9))]
-    return solids(*balls), [Shape("plane", mu=0.5), *balls], {"dt": 0.001}
+    return solids(*balls), [Shape("plane", mu=0.5), *balls], {"dt": 0.001, "restitution_threshold": 0.1}
 
 
 def slide():
