@@ -4,7 +4,7 @@
 #include <cmath>
 #include <random>
 
-#include "core/algorithm/solver/newton/compliant_cone.hpp"
+#include "core/algorithm/newton/cone_response.hpp"
 #include "core/algorithm/solver/newton/cone_derivative.hpp"
 
 namespace stiction::test {
@@ -148,6 +148,70 @@ TEST(CompliantCone, ItsFactorIsThatOfTheDerivative) {
   expect_derivative(Friction<2>{}, 0, 0);
   expect_derivative(Friction<3>{}, 0, 0);
   expect_derivative(Friction<4>{}, 0, 0);
+}
+
+/// Of a cone with one compliance along both axes.
+std::array<Vector<3>, 3> slope_of(const CompliantPoint<3>& point, const Vector<3>& R) {
+  const double compliance[] = {R[0], R[1], R[2]};
+  double C[3][3];
+  compliance_factor(Friction<3>{}, point, compliance, C);
+  std::array<Vector<3>, 3> W{};
+  for (std::size_t i = 0; i < 3; ++i)
+    for (std::size_t j = 0; j < 3; ++j)
+      for (std::size_t k = 0; k < 3; ++k) W[i][j] += C[i][k] * C[j][k];
+  return W;
+}
+
+TEST(CompliantCone, OneComplianceForBothAxesHasAnAnswerWithoutSteps) {
+  std::mt19937 random(5);
+  std::normal_distribution<double> normal;
+  std::array<int, 3> seen{};
+  for (int trial = 0; trial < 500; ++trial) {
+    const Vector<3> u{normal(random), normal(random), normal(random)};
+    const double R_n = 0.1 + std::abs(normal(random)), R_t = 0.1 + std::abs(normal(random));
+    const auto point = reaction(Friction<3>{}, u, {R_n, R_t, R_t});
+    ++seen.at(static_cast<std::size_t>(point.contact_state));
+    const double length = std::hypot(u[1], u[2]);
+    const auto found = cone_reaction(ConeLaw<double>{1 / R_n, 1 / R_t, 1 / (R_n + R_t)}, u[0], length);
+    const Vector<3> d{0, -u[1] / length, -u[2] / length};
+    EXPECT_NEAR(found.x_n, point.x[0], 1e-12);
+    const auto W = slope_of(point, {R_n, R_t, R_t});
+    EXPECT_NEAR(found.normal, W[0][0], 1e-11);
+    for (std::size_t i = 1; i < 3; ++i) {
+      EXPECT_NEAR(-found.across * u[i], point.x[i], 1e-12);
+      EXPECT_NEAR(found.slide * d[i], W[0][i], 1e-11);
+      for (std::size_t j = 1; j < 3; ++j)
+        EXPECT_NEAR((i == j ? found.across : 0) + found.bend * d[i] * d[j], W[i][j], 1e-11);
+    }
+  }
+  for (const int count : seen) EXPECT_GT(count, 50);
+}
+
+TEST(CompliantCone, AContactsOwnUnitsMakeItTheNearestPoint) {
+  std::mt19937 random(6);
+  std::normal_distribution<double> normal;
+  int slid = 0;
+  for (const double mu : {1e-3, 0.5, 1.0, 20.0})
+    for (int trial = 0; trial < 200; ++trial) {
+      const double z[] = {normal(random), normal(random), normal(random)};
+      const auto nearest = project_friction_cone(z, mu);
+      const Vector<3> R{1, mu * mu, mu * mu};
+      const auto point = reaction(Friction<3>{}, {-z[0], -mu * z[1], -mu * z[2]}, R);
+      const auto W = slope_of(point, R);
+      slid += point.contact_state == kSliding ? 1 : 0;
+      for (std::size_t i = 0; i < 3; ++i) {
+        EXPECT_NEAR(nearest.x[i], (i == 0 ? 1 : mu) * point.x[i], 1e-12);
+        for (std::size_t j = 0; j < 3; ++j)
+          EXPECT_NEAR(nearest.P[i][j], (i == 0 ? 1 : mu) * (j == 0 ? 1 : mu) * W[i][j], 1e-11) << mu << i << j;
+      }
+    }
+  EXPECT_GT(slid, 200);
+  const double inside[] = {2, 1, -1}, below[] = {-2, 0.1, 0};
+  EXPECT_TRUE(project_friction_cone(inside, 1).is_inside);
+  EXPECT_EQ(project_friction_cone(inside, 1).x[2], -1);
+  EXPECT_FALSE(project_friction_cone(inside, 0).is_inside && project_friction_cone(inside, 0).x[1] != 0);
+  EXPECT_EQ(project_friction_cone(inside, 0).x[0], 2);
+  EXPECT_EQ(project_friction_cone(below, 0.5).x[0], 0);
 }
 
 TEST(CompliantCone, TheApexAndAxesWithoutFrictionMakeNoNan) {

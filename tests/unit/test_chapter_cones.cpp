@@ -7,8 +7,8 @@
 #include <span>
 #include <vector>
 
+#include "core/algorithm/newton/cone_response.hpp"
 #include "core/algorithm/problem/cone_projection.hpp"
-#include "core/algorithm/rigid/newton/friction_cone.hpp"
 #include "scenes/rng.hpp"
 #include "stiction/pyramid.hpp"
 #include "tests/support/small_systems.hpp"

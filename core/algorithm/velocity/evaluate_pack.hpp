@@ -1,7 +1,7 @@
 #pragma once
 
+#include "core/algorithm/newton/cone_response.hpp"
 #include "core/algorithm/residual/final_residual.hpp"
-#include "core/algorithm/velocity/cone_law.hpp"
 #include "core/algorithm/velocity/load_pack.hpp"
 #include "core/algorithm/velocity/newton_progress.hpp"
 #include "core/algorithm/velocity/pack_islands.hpp"

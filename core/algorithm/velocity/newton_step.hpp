@@ -1,6 +1,6 @@
 #pragma once
 
-#include "core/algorithm/velocity/cone_law.hpp"
+#include "core/algorithm/newton/cone_response.hpp"
 #include "core/algorithm/velocity/hessian_rows.hpp"
 #include "core/algorithm/velocity/load_pack.hpp"
 

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "core/algorithm/linear/line_search.hpp"
-#include "core/algorithm/rigid/newton/friction_cone.hpp"
+#include "core/algorithm/newton/cone_response.hpp"
 #include "core/algorithm/rigid/newton/space_room.hpp"
 
 /// The function that Newton's method minimises, its gradient and how it bends along a line (docs/math/body_newton.md).
@@ -91,9 +91,8 @@ STICTION_HD void answer_motion(SpaceContact& contact, Law law, double compliance
     slide[k] = fma_(compliance, point.x[k], contact.u[k]);
   }
   // A contact that is held does not slide: what is left of its motion goes with the proximal term.
-  const bool is_held = point.P[1][1] + point.P[2][2] == 2.0;
   contact.sliding =
-      is_held || law == Law::convex ? 0.0 : contact.mu * sqrt_(fma_(slide[2], slide[2], slide[1] * slide[1]));
+      point.is_inside || law == Law::convex ? 0.0 : contact.mu * sqrt_(fma_(slide[2], slide[2], slide[1] * slide[1]));
 }
 
 /// The largest component of a contact's motion under those twists [w].

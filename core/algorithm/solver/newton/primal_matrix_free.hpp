@@ -1,6 +1,6 @@
 #pragma once
 
-#include "core/algorithm/solver/newton/compliant_cone.hpp"
+#include "core/algorithm/newton/cone_response.hpp"
 #include "core/algorithm/solver/newton/newton_workspace.hpp"
 
 /// The linear system of the primal branch, (I + C'AC) t = C'A r, without a matrix: conjugate gradients, preconditioned

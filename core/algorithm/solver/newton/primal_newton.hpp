@@ -1,7 +1,7 @@
 #pragma once
 
 #include "core/algorithm/linear/line_search.hpp"
-#include "core/algorithm/solver/newton/compliant_cone.hpp"
+#include "core/algorithm/newton/cone_response.hpp"
 #include "core/algorithm/solver/newton/primal_matrix_free.hpp"
 
 /// Newton's method for the convex law with compliance on every row. It minimises phi(zeta) = zeta'A zeta / 2 + psi(A

@@ -1,8 +1,8 @@
 #pragma once
 
 #include "core/algorithm/linear/line_search.hpp"
+#include "core/algorithm/newton/cone_response.hpp"
 #include "core/algorithm/velocity/blocks/block_workspace.hpp"
-#include "core/algorithm/velocity/cone_law.hpp"
 
 namespace stiction::inline STICTION_ISA {
 
