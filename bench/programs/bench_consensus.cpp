@@ -1,6 +1,6 @@
 // What one scene over ranks sends and how many sweeps it takes to a residual: sequential impulses (docs/ranks.md) and
 // consensus between subdomains (docs/math/consensus.md). Ranks are threads of this process. Only counts are printed,
-// which are the same on every machine; bench/studies/cluster_model.py reads them. So are times: ranks have clocks, and
+// which are the same on every machine. So are times: ranks have clocks, and
 // a round takes 1. A late one takes --slow times as long: all of rank 1's, or of each rank one of as many as there are
 // ranks.
 //

@@ -1,4 +1,4 @@
-"""Runs of the command line on contact batches, timed and judged: what work_precision.py and chapter_claims.py share."""
+"""Runs of the command line on contact batches, timed and judged: what work_precision.py and engines.py share."""
 
 import csv
 import dataclasses
