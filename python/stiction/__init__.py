@@ -5,18 +5,18 @@
     solution.lambda_, solution.status, solution.solved
 """
 
-from . import _core, guess, monitor
-from ._arrays import STATUS_DTYPE
-from ._batch import Batch
-from ._derivative import GRADIENT_DTYPE, GRADIENT_FLAGS, Derivative, Gradients
-from ._flags import FLAGS
-from ._policy import Accuracy, AccuracyPolicy
-from ._semidefinite import semidefinite_matrix, semidefinite_vector
-from ._solution import CODES, SOLVERS, Solution
-from ._solver import Solver, verify, worst_contacts
-from ._stepping import ParallelContactSolver
-from ._world import Body, Shape, World, WorldContacts, WorldState
-from ._world_step import WorldStep
+from . import _core, learning, monitor
+from .core.arrays import STATUS_DTYPE
+from .core.batch import Batch
+from .core.derivative import GRADIENT_DTYPE, GRADIENT_FLAGS, Derivative, Gradients
+from .core.flags import FLAGS
+from .core.policy import Accuracy, AccuracyPolicy
+from .core.semidefinite import semidefinite_matrix, semidefinite_vector
+from .core.solution import CODES, SOLVERS, Solution
+from .core.solver import Solver, verify, worst_contacts
+from .core.stepping import ParallelContactSolver
+from .core.world import Body, Shape, World, WorldContacts, WorldState
+from .core.world_step import WorldStep
 
 Error = _core.Error
 devices = _core.devices
@@ -25,5 +25,5 @@ numerics_epoch = _core.numerics_epoch
 
 __all__ = ["Accuracy", "AccuracyPolicy", "Batch", "Body", "CODES", "Derivative", "Error", "FLAGS", "GRADIENT_DTYPE",
            "GRADIENT_FLAGS", "Gradients", "ParallelContactSolver", "SOLVERS", "STATUS_DTYPE", "Shape", "Solution",
-           "Solver", "World", "WorldContacts", "WorldState", "WorldStep", "devices", "guess", "monitor", "numerics_epoch",
-           "semidefinite_matrix", "semidefinite_vector", "verify", "worst_contacts"]
+           "Solver", "World", "WorldContacts", "WorldState", "WorldStep", "devices", "learning", "monitor",
+           "numerics_epoch", "semidefinite_matrix", "semidefinite_vector", "verify", "worst_contacts"]

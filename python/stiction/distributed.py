@@ -20,7 +20,7 @@ import zipfile
 
 import numpy as np
 
-from ._arguments import not_negative, whole
+from .core.arguments import not_negative, whole
 
 __all__ = ["Ranks", "Shard", "digest", "exchange", "gather", "generator", "load", "merge_stats", "ranks", "rebalance", "save"]
 

@@ -19,9 +19,9 @@ from mujoco.mjx._src import collision_driver, constraint, support
 from mujoco.mjx._src import solver as _theirs
 
 from . import jax as stiction_jax
-from ._arrays import STATUS_DTYPE
-from ._replaced import replaced
-from ._solution import CODES, SOLVED
+from .core.arrays import STATUS_DTYPE
+from .core.replaced import replaced
+from .core.solution import CODES, SOLVED
 
 __all__ = ["solve", "step"]
 

@@ -10,14 +10,14 @@ import math
 import torch
 from torch.autograd.forward_ad import unpack_dual
 
-from ._arguments import number, whole
-from ._arrays import STATUS_DTYPE
-from ._batch import Batch
-from ._derivative import Derivative
-from ._layout import cone_text
-from ._solver import Solver
-from ._world import WorldState
-from ._world_step import WorldStep
+from .core.arguments import number, whole
+from .core.arrays import STATUS_DTYPE
+from .core.batch import Batch
+from .core.derivative import Derivative
+from .core.layout import cone_text
+from .core.solver import Solver
+from .core.world import WorldState
+from .core.world_step import WorldStep
 
 
 @functools.lru_cache(maxsize=64)

@@ -10,8 +10,8 @@ import pytest
 import stiction
 from stiction import Accuracy, AccuracyPolicy, Batch, Body, ParallelContactSolver, Shape, Solver, World, WorldStep
 from stiction.distributed import Shard, rebalance
-from stiction.guess import Guess
-from stiction.tuner import features
+from stiction.learning import Guess
+from stiction.learning import features
 
 BALL = Shape("sphere", 0.1, body=0)
 
@@ -49,7 +49,7 @@ MISTAKES = {
     "a list of kinds": (lambda: Shape(["box"]), ValueError, "Shape.kind: expected one of sphere"),
     "no checkpoint": (lambda: world().resume(None), TypeError, "checkpoint: expected a mapping of arrays, got None"),
     "more unknowns than fit": (lambda: WorldStep(world(), max_unknowns=2**31), ValueError, "max_unknowns: expected"),
-    "no guess": (lambda: solve_by(3), TypeError, "guess: expected a stiction.guess.Guess, got int"),
+    "no guess": (lambda: solve_by(3), TypeError, "guess: expected a stiction.learning.Guess, got int"),
     "more threads than fit": (lambda: Guess(threads=2**31), ValueError, "threads: expected an integer from"),
     "tolerance NaN": (lambda: accuracy_of(NAN, 9), ValueError, "accuracy.tolerance: expected a finite number >= 0, got nan"),
     "tolerance infinite": (lambda: accuracy_of(INF, 9), ValueError, "accuracy.tolerance: .*got inf"),

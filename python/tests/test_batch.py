@@ -165,18 +165,18 @@ def test_narrow_numbers_are_solved_in_narrow_arithmetic(scenes):
 @pytest.mark.parametrize("counted", ["rows", "cones"])
 def test_counts_in_device_memory_lead_to_the_same_integers(monkeypatch, counted):
     """Where counts cannot be read, the framework computes with them: here NumPy plays that framework."""
-    from stiction import _layout
+    from stiction.core import layout
 
     class Elsewhere:
         @staticmethod
         def from_numpy(array, device):
             return array.copy()
 
-    monkeypatch.setattr(_layout, "take", lambda *arguments, **options: None)
+    monkeypatch.setattr(layout, "take", lambda *arguments, **options: None)
     cones = np.array([2, 0, 3, 1], np.int32)
     given = {"counts": 3 * cones} if counted == "rows" else {"cone_counts": cones}
-    host = _layout.Padded(4, 9, "cpu", None, **given)
-    device = _layout.Padded(4, 9, "cuda:0", Elsewhere, **given)
+    host = layout.Padded(4, 9, "cpu", None, **given)
+    device = layout.Padded(4, 9, "cuda:0", Elsewhere, **given)
     for change in (0, 1):
         next(iter(given.values()))[1] += 3 * change
         host.refresh()

@@ -10,7 +10,7 @@ from conftest import ROOT
 
 import stiction
 from stiction import Batch, Solver
-from stiction.guess import Dense, Guess, Ridge
+from stiction.learning import Dense, Guess, Ridge
 
 sys.path.insert(0, str(ROOT / "tools"))
 judge = pytest.importorskip("check_law")  # needs h5py

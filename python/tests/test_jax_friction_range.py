@@ -74,7 +74,7 @@ def test_derivatives_are_those_of_finite_differences_and_the_same_in_both_precis
 @LAWS
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 def test_axes_of_friction_that_differ_by_six_decades(jax, law, dtype):
-    from stiction._jax_derivative import tangents
+    from stiction.jax.derivative import tangents
     A, _, friction = problem(1.0, law, ())
     friction[2::3] = 1e-6
     lambda_ = np.tile([1, 0.3, 0.3e-6], CONTACTS)  # all contacts stick

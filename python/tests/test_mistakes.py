@@ -39,7 +39,7 @@ MISTAKES = {
                      lambda: Batch.from_jacobian(np.zeros(6), np.ones(6), np.zeros(6), cones="unilateral", mass_block=1.5,
                                                  offsets=np.array([0, 1]), dof_offsets=np.array([0, 6]))),
     "rows of a table": (TypeError, "max_rows: expected an integer, got 2.5",
-                        lambda: stiction.guess.Ridge(max_rows=2.5)),
+                        lambda: stiction.learning.Ridge(max_rows=2.5)),
     "shape": (ValueError, "b: expected float64 (2, 6) C-contiguous on cpu, got float64 (2, 5) C-contiguous on cpu",
               lambda: Batch.from_delassus(A, b[:, :5].copy())),
     "dimensions": (ValueError, "A: expected float64 (environments, rows, rows) C-contiguous on cpu, got float64 (6, 6)",

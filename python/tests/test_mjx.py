@@ -11,7 +11,7 @@ mjx = pytest.importorskip("mujoco.mjx", reason=LACKING)
 import stiction.jax  # noqa: E402
 import stiction.mjx  # noqa: E402
 from mujoco.mjx._src import solver as theirs  # noqa: E402
-from stiction._replaced import replaced  # noqa: E402
+from stiction.core.replaced import replaced  # noqa: E402
 
 # Few geoms: MJX has rows for every pair of them, touching or not.
 SCENE = """

@@ -24,13 +24,13 @@ def test_totals_and_quantiles(padded):
 
 
 def test_quantiles_are_of_the_last_environments(monkeypatch):
-    monkeypatch.setattr(stiction.monitor, "WINDOW", 5)
-    statistics = stiction.monitor._Statistics(None)
+    monkeypatch.setattr(stiction.core.statistics, "WINDOW", 5)
+    statistics = stiction.core.statistics.Statistics(None)
     kept = []
     # Asked for after every solve, after several, and after one that is longer than the window.
     for sizes in ((3,), (3,), (1, 1), (2, 2, 2), (9,), (1,)):
         for size in sizes:
-            records = np.zeros(size, stiction._arrays.STATUS_DTYPE)
+            records = np.zeros(size, stiction.STATUS_DTYPE)
             records["iterations"] = len(kept) + np.arange(size)
             kept += records["iterations"].tolist()
             statistics.keep(size, 0.0, False, records)

@@ -10,7 +10,7 @@ mujoco = pytest.importorskip("mujoco", reason="stiction.mujoco is NOT tested: pi
 import stiction  # noqa: E402
 import stiction.mujoco  # noqa: E402
 from mujoco_zoo import controls, disturb, step_side_by_side, zoo  # noqa: E402
-from stiction import _mujoco_layout  # noqa: E402
+from stiction.mujoco import memory_layout  # noqa: E402
 
 
 def test_a_warm_start_saves_iterations_and_can_be_reset():
@@ -226,14 +226,14 @@ def test_other_mistakes():
 
 
 def test_a_description_that_is_wrong_is_noticed(monkeypatch):
-    structs = _mujoco_layout.structs
+    structs = memory_layout.structs
     fields = structs.STRUCTS["mjData"].fields
-    monkeypatch.setattr(_mujoco_layout, "_known", {})
+    monkeypatch.setattr(memory_layout, "_known", {})
     monkeypatch.setitem(structs.STRUCTS, "mjData",
                         type("Shifted", (), {"fields": tuple(f for f in fields if f.name != "act")}))
     with pytest.raises(stiction.mujoco.LayoutError, match="is not"):
         model = zoo()
-        _mujoco_layout.layout(model, mujoco.MjData(model))
+        memory_layout.layout(model, mujoco.MjData(model))
 
 
 @pytest.mark.parametrize("accuracy, said", [

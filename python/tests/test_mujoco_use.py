@@ -10,7 +10,7 @@ mujoco = pytest.importorskip("mujoco", reason="stiction.mujoco is NOT tested: pi
 
 import stiction  # noqa: E402
 import stiction.mujoco  # noqa: E402
-from stiction import _mujoco_layout  # noqa: E402
+from stiction.mujoco import memory_layout  # noqa: E402
 
 SMALL = """<mujoco><option timestep="0.002"/><worldbody><geom type="plane" size="5 5 .1"/>
 <body pos="0 0 .3"><freejoint/><geom type="box" size=".1 .1 .1"/></body>
@@ -78,7 +78,7 @@ def test_simulations_stepped_from_several_threads_wait_for_each_other():
     np.testing.assert_array_equal(simulation.read("qpos"), alone.read("qpos"))
 
 
-@pytest.mark.skipif(_mujoco_layout.handlers() == [0, 0], reason="MuJoCo before 4: its errors end the program, NOT tested")
+@pytest.mark.skipif(memory_layout.handlers() == [0, 0], reason="MuJoCo before 4: its errors end the program, NOT tested")
 def test_an_error_of_mujocos_is_an_exception_and_not_the_end_of_the_program():
     """The arena is too small once there are contacts; mujoco.mj_step says so by mujoco.FatalError."""
     text = SMALL.replace("<worldbody>", '<size memory="2K"/><worldbody>').replace(

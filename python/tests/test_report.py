@@ -14,7 +14,7 @@ from conftest import DATA
 
 import stiction
 from stiction import report
-from stiction._report_svg import bars, lines, number, quantiles
+from stiction.report.svg import bars, lines, number, quantiles
 
 
 class Page(html.parser.HTMLParser):
@@ -293,6 +293,6 @@ def test_cut_reports_get_a_sentence(run, tmp_path, capsys):
 
 def test_it_is_a_command(run, tmp_path):
     out = tmp_path / "page.html"
-    done = subprocess.run([sys.executable, "-m", "stiction.report", str(run[1]), "-o", str(out)], capture_output=True,
+    done = subprocess.run([sys.executable, "-m", "stiction", "report", str(run[1]), "-o", str(out)], capture_output=True,
                           text=True)
     assert done.returncode == 0 and not done.stderr and out.exists()

@@ -5,7 +5,7 @@ import pytest
 
 import stiction
 from stiction import Batch, Solver, semidefinite_matrix, semidefinite_vector
-from stiction.guess import Guess
+from stiction.learning import Guess
 
 SOLVERS = ["auto", "admm", "apgd", "jacobi"]
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import stiction
-from stiction.tuner import FEATURES, TunedSolver, Tuner, features
+from stiction.learning import FEATURES, TunedSolver, Tuner, features
 
 #: Logarithms of the costs of three choices in a context (1, s): the second is best below s = 0, the third above.
 LINES = np.array([[0.0, 0.0], [-0.5, 1.0], [-0.5, -1.0]])
@@ -133,7 +133,7 @@ def test_a_solver_that_misses_the_tolerance_loses_to_one_that_reaches_it():
     tuner = Tuner([{"solver": "newton"}, {"solver": "pgs", "max_iterations": 1}], control=2)
     solver = TunedSolver(tuner, tolerance=1e-6)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("stiction.tuner.time.perf_counter", lambda: float(next(clock)))
+        patch.setattr("stiction.learning.tuner.time.perf_counter", lambda: float(next(clock)))
         for _ in range(30):
             solver.solve(problem)
     assert tuner.freeze().choose(features(problem, 1e-6)) == 0
@@ -160,7 +160,7 @@ def test_features_are_of_extents_law_and_precision():
     (lambda: Tuner(["a"]).learn([1.0], 0, 0.0), "cost"),
     (lambda: Tuner(["a"]).learn([1.0], 0, float("inf")), "cost"),
     (lambda: (tuner := Tuner(["a"])).learn([1.0], 0, 1.0) or tuner.choose([1.0, 2.0]), "expected 1 numbers as before"),
-    (lambda: TunedSolver("tuner"), "tuner: expected a stiction.tuner.Tuner"),
+    (lambda: TunedSolver("tuner"), "tuner: expected a stiction.learning.Tuner"),
     (lambda: TunedSolver(Tuner(["npgs"])), r"choices\[0\]: expected a dict"),
     (lambda: TunedSolver(Tuner([{"solver": "none"}])), "solver"),
 ])

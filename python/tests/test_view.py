@@ -14,7 +14,7 @@ import stiction
 pytest.importorskip("rerun", reason="stiction.view is NOT tested: pip install rerun-sdk")
 chunk = pytest.importorskip("rerun.chunk", reason="stiction.view is NOT tested: it needs rerun-sdk 0.41 or later")
 from stiction import view  # noqa: E402
-from stiction._view_frame import Contacts, cone_lines, islands, tangents  # noqa: E402
+from stiction.view.frame import Contacts, cone_lines, islands, tangents  # noqa: E402
 
 
 class Recording:

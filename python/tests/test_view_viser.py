@@ -12,8 +12,8 @@ from viser_files import Recording
 
 import stiction
 from stiction import view
-from stiction._view_frame import islands, tangents
-from stiction._view_shapes import capsule
+from stiction.view.frame import islands, tangents
+from stiction.view.shapes import capsule
 
 
 def arrows(nodes, name):

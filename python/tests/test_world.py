@@ -12,7 +12,7 @@ from worlds import SCENES, read_states, stack, started
 
 import stiction
 from stiction import CODES, FLAGS, Body, Shape, World, WorldState, WorldStep
-from stiction._solution import solver_name
+from stiction.core.solution import solver_name
 
 
 def stepped_by_the_command_line(cli, folder, scene, envs, steps, dtype, *flags):

@@ -1,5 +1,7 @@
 #pragma once
 
+#include "core/algorithm/newton/outer_loop.hpp"
+#include "core/algorithm/problem/first_guess.hpp"
 #include "core/algorithm/velocity/evaluate_pack.hpp"
 #include "core/algorithm/velocity/newton_step.hpp"
 #include "core/algorithm/velocity/shift_terms.hpp"
@@ -329,7 +331,7 @@ class VelocityNewton {
     LaneProgress& lane = progress_[l];
     if (!lane.is_busy) return;
     const double relative = accept(l, found);
-    if (lane.has_outer && relative < 1.0) lane.goal = max_(0.1 * relative, propose(lane));
+    if (lane.has_outer && relative < 1.0) lane.goal = max_(kProblemPart * relative, propose(lane));
   }
 
   STICTION_HD_OUTLINE void judge(int l, const FinalResidual& found) {
@@ -346,7 +348,7 @@ class VelocityNewton {
     lane.is_busy = lane.is_busy && finite_(relative) && lane.steps < lane.max_iterations && lane.useless < patience &&
                    lane.evaluations < kMostEvaluations;
     const double accurate = kAccurateTo * relative;
-    lane.goal = lane.has_outer              ? max_(max_(0.1 * relative, accurate), propose(lane))
+    lane.goal = lane.has_outer              ? max_(max_(kProblemPart * relative, accurate), propose(lane))
                 : lane.goal > propose(lane) ? max_(accurate, propose(lane))
                                             : 0.1 * lane.goal;
   }

@@ -6,7 +6,7 @@
 Needs gymnasium and mujoco: pip install "stiction[envs]".
 """
 
-from ._tasks import TASKS
-from ._vector import MujocoVectorEnv
+from .tasks import TASKS
+from .vector import MujocoVectorEnv
 
 __all__ = ["MujocoVectorEnv", "TASKS"]

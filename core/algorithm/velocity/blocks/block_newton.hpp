@@ -1,6 +1,7 @@
 #pragma once
 
 #include "core/algorithm/newton/outer_loop.hpp"
+#include "core/algorithm/problem/first_guess.hpp"
 #include "core/algorithm/velocity/blocks/block_renewal.hpp"
 #include "core/algorithm/velocity/blocks/block_sweeps.hpp"
 #include "core/algorithm/velocity/blocks/evaluate_blocks.hpp"

@@ -1,0 +1,1 @@
+"""Batches, solvers, derivatives and worlds. Their public names are those of `stiction` itself."""
