@@ -173,10 +173,11 @@ def friction(f, w, d, mu, law):
         return length(unilateral(x[:, 0], y[:, 0]), boxed, carried)
     m = np.where(grips, mu / unit[:, 1:], 1)
     x[:, 1:], y[:, 1:] = np.where(grips, x[:, 1:], 0), np.where(grips, y[:, 1:], 0)
-    return np.hypot(nearest_member(x[:, 0], x[:, 1:], y[:, 0], y[:, 1:], m, law == "convex"), carried)
+    grip = np.where(d[:, 1:] > 0, m, 0)  # no reaction is missed in a row that none moves
+    return np.hypot(nearest_member(x[:, 0], x[:, 1:], y[:, 0], y[:, 1:], m, grip, law == "convex"), carried)
 
 
-def nearest_member(xn, xt, yn, yt, m, lifts):
+def nearest_member(xn, xt, yn, yt, m, grip, lifts):
     """Distance of (x, y) from the nearest of a contact's four members: open, sticks, slides by motion or reaction."""
     load, slip = length(xt / m), length(m * yt)
     members = [length(xn, xt, np.minimum(yn - slip if lifts else yn, 0))]
@@ -185,7 +186,7 @@ def nearest_member(xn, xt, yn, yt, m, lifts):
     members.append(length(yn, yt, xn - holds, short[:, None] * xt))
     for direction, size in ((m * yt, slip), (-xt / m, load)):
         way = direction / np.where(size > 0, size, 1)[:, None]
-        force = np.column_stack((np.ones(len(xn), Wide), -m * way))
+        force = np.column_stack((np.ones(len(xn), Wide), -grip * way))
         moves = np.column_stack((np.full(len(xn), float(lifts), Wide), way / m))
         x, y = np.column_stack((xn, xt)), np.column_stack((yn, yt))
         members.append(np.where(size > 0, length(off_ray(x, force), off_ray(y, moves)), np.inf))

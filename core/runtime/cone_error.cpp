@@ -90,6 +90,7 @@ struct Contact {
   Wide x = 0, y = 0;            ///< of the normal row
   ConeVector along_x, along_y;  ///< of the tangential ones
   ConeVector mu;                ///< largest |x_t| / x_n along each
+  ConeVector grip;              ///< the same; 0 where no reaction moves the row, so that none is missed there
   Law law = Law::convex;
 };
 
@@ -99,7 +100,7 @@ Wide sliding_error(const Contact& contact, const ConeVector& direction) {
   Wide pushed = contact.x, push_square = 1;
   Wide driven = contact.law == Law::convex ? contact.y : 0, way_square = contact.law == Law::convex ? 1 : 0;
   for (std::size_t k = 0; k < direction.size; ++k) {
-    push.push(contact.mu.at[k] * direction.at[k]);
+    push.push(contact.grip.at[k] * direction.at[k]);
     way.push(direction.at[k] / contact.mu.at[k]);
     pushed -= contact.along_x.at[k] * push.at[k];
     push_square += push.at[k] * push.at[k];
@@ -176,6 +177,7 @@ Wide friction_error(const WideRows& rows, ConeKind kind, Law law) {
       contact.along_x.push(x);
       contact.along_y.push(y);
       contact.mu.push(rows.mu[k] / unit);
+      contact.grip.push(rows.diagonal[k] > 0 ? rows.mu[k] / unit : 0);
     }
   }
   const Wide own = contact.mu.size == 0 ? unilateral_error(contact.x, contact.y) : law_error(contact);
