@@ -8,7 +8,7 @@ mujoco = pytest.importorskip("mujoco", reason="stiction.mujoco is NOT tested: pi
 import stiction  # noqa: E402
 import stiction.mujoco  # noqa: E402
 from mujoco_zoo import ZOO, controls, zoo  # noqa: E402
-from stiction.mujoco import metric  # noqa: E402
+from stiction.mujoco import metric as mujoco_metric  # noqa: E402
 from stiction.mujoco import BatchedSimulation  # noqa: E402
 
 CONES, JACOBIANS = ("pyramidal", "elliptic"), ("dense", "sparse")
@@ -92,7 +92,7 @@ def test_the_metric_is_the_one_of_the_smooth_acceleration():
     data.qvel[:] = np.random.default_rng(1).standard_normal(model.nv)
     data.ctrl[:] = 1
     mujoco.mj_forward(model, data)
-    metric = metric.effective_mass(model, data)
+    metric = mujoco_metric.effective_mass(model, data)
     np.testing.assert_array_equal(metric, metric.T)
     force = data.qfrc_smooth + data.efm_c + data.efm_ca
     np.testing.assert_allclose(metric @ data.qacc_smooth, force, rtol=0, atol=1e-11 * np.abs(force).max())
@@ -201,8 +201,8 @@ def test_what_would_be_stepped_otherwise_is_refused(integrator, change, message)
 
 
 def test_a_mujoco_without_the_metric_is_refused(monkeypatch):
-    monkeypatch.setattr(metric, "_known", {})
-    monkeypatch.setattr(metric, "library", lambda: object())
+    monkeypatch.setattr(mujoco_metric, "_known", {})
+    monkeypatch.setattr(mujoco_metric, "library", lambda: object())
     simulation = BatchedSimulation(stiff(), 1)
     with pytest.raises(stiction.mujoco.LayoutError, match="has no mj_effMulAdd.*mjINT_IMPLICITFAST"):
         simulation.step()
@@ -215,11 +215,11 @@ def test_a_metric_that_is_another_is_noticed(monkeypatch):
         def __init__(self, own):
             self.mjd_freeGyroPossible, self.mj_effMulAdd = own.mjd_freeGyroPossible, own.mju_zero4
 
-    own = metric.library()
-    monkeypatch.setattr(metric, "_known", {})
-    monkeypatch.setattr(metric, "library", lambda: Library(own))
+    own = mujoco_metric.library()
+    monkeypatch.setattr(mujoco_metric, "_known", {})
+    monkeypatch.setattr(mujoco_metric, "library", lambda: Library(own))
     with pytest.raises(stiction.mujoco.LayoutError, match="is not what it was in 4.0.0"):
-        metric._functions()
+        mujoco_metric._functions()
 
 
 @pytest.mark.skipif(not hasattr(mujoco.mjtIntegrator, "mjINT_DISCRETE"), reason="MuJoCo before 3.13")

@@ -243,7 +243,7 @@ def _check_out(out, inputs):
             raise ReportError(f"the page would overwrite {path}; choose another --out")
 
 
-def main(arguments=None, program="python -m stiction.report") -> int:
+def main(arguments=None, program="stiction report") -> int:
     """The command `stiction report`. Returns the exit status."""
     parser = argparse.ArgumentParser(prog=program,
                                      description="Makes one HTML page of a report of stiction solve, step or scaling --json.")
@@ -262,7 +262,3 @@ def main(arguments=None, program="python -m stiction.report") -> int:
         return 2
     print(f"report: {out}")
     return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

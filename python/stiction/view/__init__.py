@@ -218,7 +218,7 @@ def _span(source, drawn):
     return middle, float(max(spans, default=0.0)) + 2 * source.reach or 1.0
 
 
-def main(arguments=None, program="python -m stiction.view") -> int:
+def main(arguments=None, program="stiction view") -> int:
     """The command `stiction view`. Returns the exit status."""
     parser = argparse.ArgumentParser(prog=program, description="Records a contact-batch or FCLIB file "
                                      "for a viewer: cones, reactions, residuals and couplings of every environment.")
@@ -249,7 +249,3 @@ def main(arguments=None, program="python -m stiction.view") -> int:
         opens = out if out.suffix == ".html" else f"viser's client, {out}" if out.suffix == ".viser" else f"rerun {out}"
         print(f"{len(batch)} environments, {int(solution.solved.sum())} solved: {opens}")
     return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
