@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "core/plan/plan.hpp"
-#include "core/runtime/defects.hpp"
+#include "core/runtime/check/defects.hpp"
 #include "tests/support/random_structures.hpp"
 #include "tests/support/stress_team.hpp"
 

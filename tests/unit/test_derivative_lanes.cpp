@@ -8,8 +8,8 @@
 #include <numeric>
 
 #include "core/machine/jacobian_machine.hpp"
-#include "cpu_fallback/kernels/isa.hpp"
 #include "cpu_fallback/machine/adjoint_parts.hpp"
+#include "cpu_fallback/tables/isa.hpp"
 #include "tests/support/bits.hpp"
 #include "tests/support/jacobian_derivatives.hpp"
 #include "tests/support/scoped_isa.hpp"

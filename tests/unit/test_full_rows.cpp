@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "core/runtime/defects.hpp"
+#include "core/runtime/check/defects.hpp"
 #include "stiction/batch.hpp"
 
 namespace {

@@ -4,7 +4,7 @@
 #include <limits>
 #include <string>
 
-#include "core/runtime/check_options.hpp"
+#include "core/runtime/check/check_options.hpp"
 #include "stiction/error.hpp"
 #include "stiction/solver.hpp"
 #include "stiction/status.hpp"

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "core/runtime/defects.hpp"
+#include "core/runtime/check/defects.hpp"
 #include "stiction/batch.hpp"
 #include "stiction/error.hpp"
 

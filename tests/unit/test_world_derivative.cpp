@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "core/runtime/spin_change.hpp"
+#include "core/runtime/world/spin_change.hpp"
 #include "stiction/world_derivative.hpp"
 #include "tests/support/derivative_cases.hpp"
 #include "tests/support/error_message.hpp"
