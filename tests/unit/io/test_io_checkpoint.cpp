@@ -1,7 +1,7 @@
 // Checkpoints of worlds on disk.
 #include <gmock/gmock.h>
 
-#include "tests/unit/test_io_support.hpp"
+#include "tests/unit/io/test_io_support.hpp"
 
 namespace stiction::io::test {
 namespace {

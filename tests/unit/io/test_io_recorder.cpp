@@ -9,7 +9,7 @@
 #include "stiction/padded.hpp"
 #include "tests/support/scene_batches.hpp"
 #include "tests/support/small_systems.hpp"
-#include "tests/unit/test_io_support.hpp"
+#include "tests/unit/io/test_io_support.hpp"
 
 namespace stiction::io::test {
 namespace {

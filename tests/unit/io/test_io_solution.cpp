@@ -1,6 +1,6 @@
 #include <gmock/gmock.h>
 
-#include "tests/unit/test_io_support.hpp"
+#include "tests/unit/io/test_io_support.hpp"
 
 namespace stiction::io::test {
 namespace {

@@ -1,6 +1,6 @@
 #include <gmock/gmock.h>
 
-#include "tests/unit/test_io_support.hpp"
+#include "tests/unit/io/test_io_support.hpp"
 
 // Every way in which a file can be well-formed HDF5 and yet not what it should be, and the sentence for it.
 namespace stiction::io::test {

@@ -4,7 +4,7 @@
 
 #include "core/io/datatype_check.hpp"
 #include "core/io/readers.hpp"
-#include "tests/unit/test_io_support.hpp"
+#include "tests/unit/io/test_io_support.hpp"
 
 // Datatype and other header messages that HDF5 1.10.8 decodes without looking where they end: they are refused before.
 // Layouts of messages: HDF5 file format specification, IV.A.2.

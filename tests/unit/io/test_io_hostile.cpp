@@ -6,7 +6,7 @@
 
 #include "core/io/inflated_size.hpp"
 #include "core/io/readers.hpp"
-#include "tests/unit/test_io_support.hpp"
+#include "tests/unit/io/test_io_support.hpp"
 
 // Damaged files: whatever the damage, a read ends in a result or in an Error, and takes no absurd amount of memory.
 namespace stiction::io::test {

@@ -4,7 +4,7 @@
 #include <csignal>
 #include <cstdlib>
 
-#include "tests/unit/test_io_support.hpp"
+#include "tests/unit/io/test_io_support.hpp"
 
 namespace stiction::io::test {
 namespace {
