@@ -3,7 +3,7 @@
 
 A link leads to a file or folder of the checkout. Its fragment, where it has one, leads to a heading of that page. The
 rule is GitHub's: lower case, spaces become hyphens, punctuation is left out. Code is not read. What a script calls
-unit_test_solver, or a pattern that begins so, is tests/unit/test_solver.cpp.
+unit_test_solver, or a pattern that begins so, is test_solver.cpp in a folder of tests/unit.
 
     tools/lint_links.py [ROOT]
     tools/lint_links.py --self-test
@@ -65,7 +65,7 @@ def missing_tests(root):
     for script in sorted([*root.glob("scripts/*"), *root.glob("tools/*.py"), *root.glob(".ci/*")]):
         text = script.read_text(encoding="utf-8") if script.is_file() and script != root / "tools/lint_links.py" else ""
         for match in TEST.finditer(text):
-            if not any((root / "tests" / match.group(1)).glob(match.group(2) + "*.cpp")):
+            if not any((root / "tests" / match.group(1)).rglob(match.group(2) + "*.cpp")):
                 yield (f"{script.relative_to(root)}:{text.count(chr(10), 0, match.start()) + 1}: there is no test "
                        f"{match.group()}")
 
@@ -79,8 +79,8 @@ def self_test():
             "[gone](missing.md)\n[no such](other.md#nothing)\n[own](#nowhere)\n")
         (root / "scripts").mkdir()
         (root / "scripts/test.sh").write_text("ctest -E 'unit_test_here|unit_test_h.*'\nninja unit_test_gone\n")
-        (root / "tests/unit").mkdir(parents=True)
-        (root / "tests/unit/test_here.cpp").touch()
+        (root / "tests/unit/solve").mkdir(parents=True)
+        (root / "tests/unit/solve/test_here.cpp").touch()
         found = [*problems(root), *missing_tests(root)]
     expected = ["page.md:2: missing.md does not exist", "page.md:3: other.md#nothing: the page has no such heading",
                 "page.md:4: #nowhere: the page has no such heading",

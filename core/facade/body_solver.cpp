@@ -6,10 +6,10 @@
 #include "core/facade/overlap.hpp"
 #include "core/machine/body_machine.hpp"
 #include "core/plan/newton_plan.hpp"
-#include "core/runtime/body_arrays.hpp"
-#include "core/runtime/check_options.hpp"
-#include "core/runtime/defects.hpp"
-#include "core/runtime/expect.hpp"
+#include "core/runtime/batch/body_arrays.hpp"
+#include "core/runtime/check/check_options.hpp"
+#include "core/runtime/check/defects.hpp"
+#include "core/runtime/check/expect.hpp"
 
 namespace stiction {
 

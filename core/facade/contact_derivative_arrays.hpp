@@ -6,7 +6,7 @@
 #include "core/facade/derivative_calls.hpp"
 #include "core/facade/overlap.hpp"
 #include "core/machine/derivative_machine.hpp"
-#include "core/runtime/defects.hpp"
+#include "core/runtime/check/defects.hpp"
 
 /// Arrays of calls of Derivative for contact batches.
 namespace stiction {

@@ -3,7 +3,7 @@
 #include <string>
 
 #include "core/job/derivative_job.hpp"
-#include "core/runtime/expect.hpp"
+#include "core/runtime/check/expect.hpp"
 
 /// What calls of Derivative have in common, whatever batch they differentiate.
 namespace stiction {

@@ -8,7 +8,7 @@
 #include "core/base/fp_env.hpp"
 #include "core/facade/solve_jacobian.hpp"
 #include "core/machine/jacobian_machine.hpp"
-#include "core/runtime/expect.hpp"
+#include "core/runtime/check/expect.hpp"
 #include "stiction/status.hpp"
 
 namespace stiction {

@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "core/runtime/expect.hpp"
+#include "core/runtime/check/expect.hpp"
 #include "stiction/jacobian.hpp"
 
 /// What can be said about a batch of J and M whose arrays are out of sight.

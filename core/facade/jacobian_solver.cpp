@@ -10,7 +10,7 @@
 #include "core/facade/overlap.hpp"
 #include "core/facade/solve_jacobian.hpp"
 #include "core/machine/jacobian_machine.hpp"
-#include "core/runtime/expect.hpp"
+#include "core/runtime/check/expect.hpp"
 
 namespace stiction {
 

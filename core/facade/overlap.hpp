@@ -6,7 +6,7 @@
 #include <span>
 #include <string>
 
-#include "core/runtime/expect.hpp"
+#include "core/runtime/check/expect.hpp"
 #include "stiction/bodies.hpp"
 #include "stiction/jacobian_solver.hpp"
 #include "stiction/solver.hpp"

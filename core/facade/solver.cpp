@@ -12,10 +12,10 @@
 #include "core/plan/islands.hpp"
 #include "core/plan/plan.hpp"
 #include "core/plan/structure_view.hpp"
-#include "core/runtime/check_options.hpp"
-#include "core/runtime/defects.hpp"
-#include "core/runtime/expect.hpp"
-#include "core/runtime/island_split.hpp"
+#include "core/runtime/batch/island_split.hpp"
+#include "core/runtime/check/check_options.hpp"
+#include "core/runtime/check/defects.hpp"
+#include "core/runtime/check/expect.hpp"
 #include "stiction/trace.hpp"
 
 namespace stiction {

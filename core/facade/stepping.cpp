@@ -4,7 +4,7 @@
 #include <string>
 
 #include "core/base/fp_env.hpp"
-#include "core/runtime/expect.hpp"
+#include "core/runtime/check/expect.hpp"
 
 namespace stiction {
 

@@ -2,7 +2,7 @@
 
 #include "core/facade/host_structure.hpp"
 #include "core/machine/contact_machine.hpp"
-#include "core/runtime/defects.hpp"
+#include "core/runtime/check/defects.hpp"
 #include "stiction/error.hpp"
 
 namespace stiction {

@@ -6,7 +6,7 @@
 
 #include "core/base/fp_env.hpp"
 #include "core/machine/warm_start_machine.hpp"
-#include "core/runtime/expect.hpp"
+#include "core/runtime/check/expect.hpp"
 #include "stiction/error.hpp"
 
 namespace stiction {

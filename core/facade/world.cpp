@@ -9,9 +9,9 @@
 #include "core/base/extents.hpp"
 #include "core/base/fp_env.hpp"
 #include "core/machine/world_machine.hpp"
-#include "core/runtime/defects.hpp"
-#include "core/runtime/expect.hpp"
-#include "core/runtime/world_model.hpp"
+#include "core/runtime/check/defects.hpp"
+#include "core/runtime/check/expect.hpp"
+#include "core/runtime/world/world_model.hpp"
 #include "stiction/error.hpp"
 #include "stiction/hash.hpp"
 

@@ -6,10 +6,10 @@
 #include "core/base/extents.hpp"
 #include "core/base/fp_env.hpp"
 #include "core/job/shape_pairs.hpp"
-#include "core/runtime/body_jacobian.hpp"
-#include "core/runtime/expect.hpp"
-#include "core/runtime/spin_change.hpp"
-#include "core/runtime/world_model.hpp"
+#include "core/runtime/batch/body_jacobian.hpp"
+#include "core/runtime/check/expect.hpp"
+#include "core/runtime/world/spin_change.hpp"
+#include "core/runtime/world/world_model.hpp"
 
 namespace stiction {
 

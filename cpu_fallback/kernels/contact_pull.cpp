@@ -1,4 +1,4 @@
-#include "cpu_fallback/kernels/contact_pull.hpp"
+#include "cpu_fallback/tables/contact_pull.hpp"
 
 #include "core/algorithm/derivative/pull_pack.hpp"
 #include "cpu_fallback/pack/pack_width.hpp"

@@ -1,7 +1,7 @@
 #include "core/algorithm/derivative/relaxed_derivative.hpp"
 #include "core/algorithm/unrolled/unrolled_vjp.hpp"
-#include "cpu_fallback/kernels/contact_pull.hpp"
 #include "cpu_fallback/pack/mass_tile.hpp"
+#include "cpu_fallback/tables/contact_pull.hpp"
 
 namespace stiction::inline STICTION_ISA {
 

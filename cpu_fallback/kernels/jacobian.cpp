@@ -1,7 +1,7 @@
 #include "core/algorithm/jacobian/delassus.hpp"
-#include "cpu_fallback/kernels/jacobian_kernels.hpp"
-#include "cpu_fallback/kernels/velocity_blocks.hpp"
 #include "cpu_fallback/pack/mass_tile.hpp"
+#include "cpu_fallback/tables/jacobian_kernels.hpp"
+#include "cpu_fallback/tables/velocity_blocks.hpp"
 
 namespace stiction::inline STICTION_ISA {
 

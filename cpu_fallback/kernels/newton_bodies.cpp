@@ -1,6 +1,6 @@
 #include "core/algorithm/rigid/newton/newton_bodies.hpp"
 
-#include "cpu_fallback/kernels/solve_bodies.hpp"
+#include "cpu_fallback/tables/solve_bodies.hpp"
 
 namespace stiction::inline STICTION_ISA {
 

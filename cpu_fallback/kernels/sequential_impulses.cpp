@@ -1,7 +1,7 @@
 #include "core/algorithm/rigid/sequential_impulses.hpp"
 
-#include "cpu_fallback/kernels/solve_bodies.hpp"
 #include "cpu_fallback/pack/body_pack_run.hpp"
+#include "cpu_fallback/tables/solve_bodies.hpp"
 
 namespace stiction::inline STICTION_ISA {
 

@@ -1,4 +1,4 @@
-#include "cpu_fallback/kernels/shared_instances.hpp"
+#include "cpu_fallback/tables/shared_instances.hpp"
 
 #include "cpu_fallback/pack/shared_lanes.hpp"
 

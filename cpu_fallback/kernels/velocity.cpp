@@ -1,6 +1,6 @@
-#include "cpu_fallback/kernels/velocity_adjoint.hpp"
-#include "cpu_fallback/kernels/velocity_kernels.hpp"
 #include "cpu_fallback/pack/lane_packs.hpp"
+#include "cpu_fallback/tables/velocity_adjoint.hpp"
+#include "cpu_fallback/tables/velocity_kernels.hpp"
 
 namespace stiction::inline STICTION_ISA {
 

@@ -1,4 +1,4 @@
-#include "cpu_fallback/kernels/velocity_adjoint.hpp"
+#include "cpu_fallback/tables/velocity_adjoint.hpp"
 
 #include "core/algorithm/derivative/adjoint_pack.hpp"
 #include "cpu_fallback/pack/lane_packs.hpp"

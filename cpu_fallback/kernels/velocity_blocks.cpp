@@ -1,4 +1,4 @@
-#include "cpu_fallback/kernels/velocity_blocks.hpp"
+#include "cpu_fallback/tables/velocity_blocks.hpp"
 
 #include "core/algorithm/velocity/blocks/block_newton.hpp"
 

@@ -1,5 +1,5 @@
 #include "core/algorithm/collision/integrate.hpp"
-#include "cpu_fallback/kernels/world_kernels.hpp"
+#include "cpu_fallback/tables/world_kernels.hpp"
 
 namespace stiction::inline STICTION_ISA {
 

@@ -6,9 +6,9 @@
 
 #include "core/base/fp_env.hpp"
 #include "core/machine/body_machine.hpp"
-#include "cpu_fallback/kernels/isa.hpp"
-#include "cpu_fallback/kernels/scratch.hpp"
 #include "cpu_fallback/pack/work_items.hpp"
+#include "cpu_fallback/tables/isa.hpp"
+#include "cpu_fallback/tables/scratch.hpp"
 #include "cpu_fallback/threads/thread_pool.hpp"
 #include "cpu_fallback/threads/thread_team.hpp"
 

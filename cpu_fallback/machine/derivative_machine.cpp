@@ -8,10 +8,10 @@
 
 #include "core/base/extents.hpp"
 #include "core/machine/jacobian_machine.hpp"
-#include "cpu_fallback/kernels/isa.hpp"
-#include "cpu_fallback/kernels/scratch.hpp"
 #include "cpu_fallback/machine/adjoint_parts.hpp"
 #include "cpu_fallback/machine/run_length.hpp"
+#include "cpu_fallback/tables/isa.hpp"
+#include "cpu_fallback/tables/scratch.hpp"
 #include "cpu_fallback/threads/thread_pool.hpp"
 
 namespace stiction {

@@ -9,10 +9,10 @@
 
 #include "core/algorithm/jacobian/jacobian_batch.hpp"
 #include "core/base/extents.hpp"
-#include "cpu_fallback/kernels/isa.hpp"
-#include "cpu_fallback/kernels/scratch.hpp"
 #include "cpu_fallback/machine/run_length.hpp"
 #include "cpu_fallback/machine/velocity_parts.hpp"
+#include "cpu_fallback/tables/isa.hpp"
+#include "cpu_fallback/tables/scratch.hpp"
 #include "cpu_fallback/threads/thread_pool.hpp"
 
 namespace stiction {

@@ -4,7 +4,7 @@
 #include <span>
 #include <vector>
 
-#include "core/algorithm/velocity/dof_islands.hpp"
+#include "core/algorithm/velocity/lanes/dof_islands.hpp"
 
 namespace stiction::cpu {
 

@@ -5,7 +5,7 @@
 
 #include "core/algorithm/jacobian/jacobian_batch.hpp"
 #include "core/algorithm/velocity/blocks/block_limits.hpp"
-#include "core/algorithm/velocity/velocity_result.hpp"
+#include "core/algorithm/velocity/evaluate/velocity_result.hpp"
 #include "cpu_fallback/machine/large_parts.hpp"
 
 namespace stiction::cpu {

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "core/base/extents.hpp"
-#include "cpu_fallback/kernels/isa.hpp"
+#include "cpu_fallback/tables/isa.hpp"
 #include "cpu_fallback/threads/thread_pool.hpp"
 
 namespace stiction {

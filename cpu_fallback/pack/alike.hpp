@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
-#include "core/algorithm/velocity/likeness.hpp"
-#include "cpu_fallback/kernels/velocity_kernels.hpp"
+#include "core/algorithm/velocity/lanes/likeness.hpp"
+#include "cpu_fallback/tables/velocity_kernels.hpp"
 
 namespace stiction::inline STICTION_ISA {
 

@@ -5,9 +5,9 @@
 #include "core/algorithm/rigid/lane_bodies.hpp"
 #include "core/algorithm/rigid/pack_sweep.hpp"
 #include "core/base/extents.hpp"
-#include "cpu_fallback/kernels/body_kernels.hpp"
 #include "cpu_fallback/pack/pack_driver.hpp"
 #include "cpu_fallback/pack/pack_width.hpp"
+#include "cpu_fallback/tables/body_kernels.hpp"
 
 /// Environments of rigid bodies in the lanes of a pack. Compiled once per instruction set.
 namespace stiction::inline STICTION_ISA {

@@ -9,10 +9,10 @@
 #include "core/algorithm/pack/lane_progress.hpp"
 #include "core/algorithm/pack/load_lanes.hpp"
 #include "core/base/extents.hpp"
-#include "cpu_fallback/kernels/contact_kernels.hpp"
-#include "cpu_fallback/kernels/shared_instances.hpp"
 #include "cpu_fallback/pack/pack_driver.hpp"
 #include "cpu_fallback/pack/shared_lanes.hpp"
+#include "cpu_fallback/tables/contact_kernels.hpp"
+#include "cpu_fallback/tables/shared_instances.hpp"
 
 /// Environments of contacts, given by their matrices, in the lanes of a pack. Compiled once per instruction set.
 namespace stiction::inline STICTION_ISA {

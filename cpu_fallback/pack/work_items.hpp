@@ -5,7 +5,7 @@
 
 #include "core/plan/body_plan.hpp"
 #include "core/plan/plan.hpp"
-#include "cpu_fallback/kernels/body_kernels.hpp"
+#include "cpu_fallback/tables/body_kernels.hpp"
 
 namespace stiction::cpu {
 

@@ -2,7 +2,7 @@
 
 #include "core/algorithm/derivative/adjoint_limits.hpp"
 #include "core/algorithm/derivative/adjoint_pack.hpp"
-#include "core/algorithm/velocity/dof_islands.hpp"
+#include "core/algorithm/velocity/lanes/dof_islands.hpp"
 #include "cuda/kernels/lane_memory.hpp"
 
 namespace stiction::cuda {

@@ -2,7 +2,7 @@
 
 #include "core/algorithm/jacobian/jacobian_batch.hpp"
 #include "core/algorithm/velocity/blocks/block_newton.hpp"
-#include "core/algorithm/velocity/velocity_result.hpp"
+#include "core/algorithm/velocity/evaluate/velocity_result.hpp"
 #include "cuda/api/kernel.hpp"
 
 namespace stiction::cuda {

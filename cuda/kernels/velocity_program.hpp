@@ -1,8 +1,8 @@
 #pragma once
 
 #include "core/algorithm/jacobian/jacobian_batch.hpp"
-#include "core/algorithm/velocity/dof_islands.hpp"
-#include "core/algorithm/velocity/velocity_result.hpp"
+#include "core/algorithm/velocity/evaluate/velocity_result.hpp"
+#include "core/algorithm/velocity/lanes/dof_islands.hpp"
 #include "cuda/kernels/lane_memory.hpp"
 
 namespace stiction::cuda {

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "core/machine/world_arrays.hpp"
-#include "core/runtime/world_model.hpp"
+#include "core/runtime/world/world_model.hpp"
 
 /// Bodies and contacts of one rank of a world that no rank holds as a whole (docs/ranks.md).
 namespace stiction::distributed {

@@ -5,7 +5,7 @@
 
 #include "core/job/shape_pairs.hpp"
 #include "core/machine/world_machine.hpp"
-#include "cpu_fallback/kernels/isa.hpp"
+#include "cpu_fallback/tables/isa.hpp"
 #include "distributed/solve/scratch.hpp"
 #include "distributed/transport/letters.hpp"
 #include "distributed/world/body_boxes.hpp"

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "cpu_fallback/kernels/isa.hpp"
+#include "cpu_fallback/tables/isa.hpp"
 
 namespace stiction::distributed {
 

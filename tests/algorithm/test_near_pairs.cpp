@@ -8,7 +8,7 @@
 
 #include "core/algorithm/collision/detect.hpp"
 #include "core/machine/world_arrays.hpp"
-#include "core/runtime/world_model.hpp"
+#include "core/runtime/world/world_model.hpp"
 #include "tests/support/bits.hpp"
 #include "tests/support/jitter_team.hpp"
 #include "tests/support/random_worlds.hpp"

@@ -11,12 +11,12 @@
 #include <vector>
 
 #include "core/plan/plan.hpp"
-#include "core/runtime/defects.hpp"
+#include "core/runtime/check/defects.hpp"
 #include "tests/support/random_structures.hpp"
 #include "tests/support/stress_team.hpp"
 
-/// A plan made by however many lanes holds the integers of make_plan(), which tests/unit/test_plan.cpp holds to its
-/// word.
+/// A plan made by however many lanes holds the integers of make_plan(), which tests/unit/plan/test_plan.cpp holds to
+/// its word.
 namespace {
 
 using namespace stiction;

@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
-#include "core/algorithm/velocity/likeness.hpp"
+#include "core/algorithm/velocity/evaluate/velocity_result.hpp"
+#include "core/algorithm/velocity/lanes/likeness.hpp"
 #include "core/algorithm/velocity/solve_pack.hpp"
-#include "core/algorithm/velocity/velocity_result.hpp"
 #include "stiction/residual.hpp"
 #include "tests/support/bits.hpp"
 #include "tests/support/roomy_jacobians.hpp"

@@ -6,7 +6,7 @@
 
 #include "core/base/fp_env.hpp"
 #include "core/plan/plan.hpp"
-#include "cpu_fallback/kernels/isa.hpp"
+#include "cpu_fallback/tables/isa.hpp"
 #include "stiction/error.hpp"
 #include "tests/support/every_solver.hpp"
 #include "tests/support/plan_views.hpp"

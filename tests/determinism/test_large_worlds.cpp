@@ -5,7 +5,7 @@
 #include <optional>
 
 #include "core/machine/world_machine.hpp"
-#include "core/runtime/world_model.hpp"
+#include "core/runtime/world/world_model.hpp"
 #include "tests/support/bits.hpp"
 #include "tests/support/random_worlds.hpp"
 #include "tests/support/scoped_isa.hpp"

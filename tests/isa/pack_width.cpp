@@ -1,4 +1,4 @@
-#include "cpu_fallback/kernels/isa.hpp"
+#include "cpu_fallback/tables/isa.hpp"
 
 /// A build of the kernels for packs of one width, whatever vectors the machine has, under a separate name
 /// (STICTION_ISA=narrow, =wide). It goes through the tables that AVX-512 goes through. Compiled once for each width.

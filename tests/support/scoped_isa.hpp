@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "cpu_fallback/kernels/isa.hpp"
+#include "cpu_fallback/tables/isa.hpp"
 
 namespace stiction::test {
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "core/runtime/world_model.hpp"
+#include "core/runtime/world/world_model.hpp"
 #include "cuda/emulated/emulated_device.hpp"
 #include "cuda/machine/world_machine.hpp"
 #include "stiction/error.hpp"

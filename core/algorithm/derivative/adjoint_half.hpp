@@ -2,8 +2,8 @@
 
 #include "core/algorithm/derivative/adjoint_slope.hpp"
 #include "core/algorithm/derivative/adjoint_workspace.hpp"
-#include "core/algorithm/velocity/evaluate_pack.hpp"
-#include "core/algorithm/velocity/hessian_rows.hpp"
+#include "core/algorithm/velocity/evaluate/evaluate_pack.hpp"
+#include "core/algorithm/velocity/iterate/hessian_rows.hpp"
 
 /// The adjoint velocity of environments side by side, in double (docs/math/derivative.md, (32), (33) and (36)).
 namespace stiction::inline STICTION_ISA {

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "core/algorithm/velocity/lane_env.hpp"
+#include "core/algorithm/velocity/lanes/lane_env.hpp"
 #include "core/job/derivative_job.hpp"
 
 /// Which environments of J and M lanes pull back, whole or part by part (adjoint_pack.hpp).

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "core/algorithm/velocity/velocity_workspace.hpp"
+#include "core/algorithm/velocity/lanes/velocity_workspace.hpp"
 
 namespace stiction::inline STICTION_ISA {
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "core/algorithm/velocity/velocity_newton.hpp"
+#include "core/algorithm/velocity/iterate/velocity_newton.hpp"
 
 /// From environments of a batch to a pack that is solved. Where its memory comes from is a machine's affair.
 namespace stiction::inline STICTION_ISA {

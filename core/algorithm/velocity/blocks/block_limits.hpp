@@ -1,6 +1,6 @@
 #pragma once
 
-#include "core/algorithm/velocity/lane_env.hpp"
+#include "core/algorithm/velocity/lanes/lane_env.hpp"
 
 namespace stiction::inline STICTION_ISA {
 

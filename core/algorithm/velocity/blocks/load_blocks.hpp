@@ -2,8 +2,8 @@
 
 #include "core/algorithm/residual/final_residual.hpp"
 #include "core/algorithm/velocity/blocks/block_terms.hpp"
-#include "core/algorithm/velocity/load_pack.hpp"
-#include "core/algorithm/velocity/newton_progress.hpp"
+#include "core/algorithm/velocity/iterate/newton_progress.hpp"
+#include "core/algorithm/velocity/load/load_pack.hpp"
 
 /// From a batch's arrays to the numbers of one environment in blocks.
 namespace stiction::inline STICTION_ISA {

@@ -1,0 +1,270 @@
+#pragma once
+
+#include "core/algorithm/newton/cone_response.hpp"
+#include "core/algorithm/velocity/iterate/hessian_rows.hpp"
+#include "core/algorithm/velocity/load/load_pack.hpp"
+
+/// The pieces of an iteration: reactions, gradient, Hessian, and the function along a line
+/// (docs/math/velocity_newton.md).
+namespace stiction::inline STICTION_ISA {
+
+/// A pack in the iteration's precision.
+template <class Types>
+struct NewtonPack {
+  using Wide = typename Types::Wide;
+  using Numbers = typename Types::Numbers;
+  using Value = Wide;
+  const VelocityWorkspace<Types>& workspace;
+  const TreeOf<Types>& tree;
+  const SlotOf<Types>* slots;
+  const SlotCounts& counts;
+
+  [[nodiscard]] STICTION_HD RowLaw<Wide> row_law(Index s) const {
+    return {workspace.law[3 * s], workspace.law[3 * s + 1], workspace.law[3 * s + 2]};
+  }
+  [[nodiscard]] STICTION_HD ConeLaw<Wide> cone_law(Index s) const {
+    return {workspace.law[3 * s], workspace.law[3 * s + 1], workspace.law[3 * s + 2]};
+  }
+
+  template <class F, class G>
+  STICTION_HD void for_each_slot(F&& f, G&& g) const {
+    visit_slots(slots, counts, f, g);
+  }
+
+  /// Row k of a slot times a vector by degree of freedom.
+  STICTION_HD Wide times_row(const SlotOf<Types>& slot, Index k, const Numbers& vector, Wide sum) const {
+    const Numbers entries = workspace.J.from(slot.entry + static_cast<Offset>(k) * slot.columns);
+    for (Index c = 0; c < slot.columns; ++c) sum = fma_(entries[c], vector[slot.dof[c]], sum);
+    return sum;
+  }
+  /// vector -= row k' times amount.
+  STICTION_HD void subtract_row(const SlotOf<Types>& slot, Index k, const Numbers& vector, Wide amount) const {
+    const Numbers entries = workspace.J.from(slot.entry + static_cast<Offset>(k) * slot.columns);
+    const Wide minus = Wide(0) - amount;
+    for (Index c = 0; c < slot.columns; ++c) vector.put(slot.dof[c], fma_(entries[c], minus, vector[slot.dof[c]]));
+  }
+
+  /// Reactions and their slopes at z.
+  STICTION_HD_OUTLINE void refresh_reactions() const {
+    for_each_slot(
+        [&](const auto& slot, Index s) {
+          const RowReaction<Wide> point = row_reaction(row_law(s), workspace.z[slot.row]);
+          workspace.x.put(slot.row, point.x);
+          workspace.unit.put(slot.row, point.slope);
+        },
+        [&](auto shape, const auto& slot, Index s) {
+          constexpr int kRows = decltype(shape)::kRows;
+          Wide z[kRows];
+          z[0] = workspace.z[slot.row];
+          for (int k = 1; k < kRows; ++k) z[k] = workspace.mu[slot.row + k] * workspace.z[slot.row + k];
+          const ConeReaction<Wide> point = cone_reaction(cone_law(s), z[0], tangential_norm<kRows>(z));
+          workspace.x.put(slot.row, point.x_n);
+          workspace.unit.put(slot.row, point.normal);
+          for (int k = 1; k < kRows; ++k) {
+            const Wide minus = Wide(0) - z[k];
+            workspace.x.put(slot.row + k, workspace.mu[slot.row + k] * (point.across * minus));
+            workspace.unit.put(slot.row + k, minus * point.inverse_length);
+          }
+          workspace.slope.put(3 * s, point.across);
+          workspace.slope.put(3 * s + 1, point.slide);
+          workspace.slope.put(3 * s + 2, point.bend);
+        });
+  }
+
+  /// The cones' potentials at z, whose reactions are x. A cone's is R' |x|^2 / 2; a row that is held at a bound adds
+  /// what is linear beyond it.
+  STICTION_HD_OUTLINE Wide potential() const {
+    Wide sum(0);
+    for (Index row = 0; row < counts.rows; ++row) {
+      const Wide half = Wide(0.5) * (workspace.R[row] + workspace.prox[row]);
+      sum = fma_(workspace.x[row], Wide(0) - fma_(half, workspace.x[row], workspace.z[row]), sum);
+    }
+    return sum;
+  }
+  /// step' M step / 2.
+  STICTION_HD_OUTLINE Wide energy() const {
+    Wide sum(0);
+    for (Index k = 0; k < tree.dofs; ++k) {
+      const Numbers row = workspace.M.from(tree.begin[k]);
+      const SmallOf<Types>* const path = tree.path(k);
+      Wide force = Wide(0.5) * row[tree.depth[k]] * workspace.step[k];
+      for (Index d = tree.first(k); d < tree.depth[k]; ++d) force = fma_(row[d], workspace.step[path[d]], force);
+      sum = fma_(force, workspace.step[k], sum);
+    }
+    return sum;
+  }
+
+  /// out = G in for the rows of a cone, in the batch's coordinates.
+  template <int kRows>
+  STICTION_HD void times_slope(const SlotOf<Types>& slot, Index s, const Wide (&in)[kRows], Wide (&out)[kRows]) const {
+    const Wide across = workspace.slope[3 * s];
+    const Wide slide = workspace.slope[3 * s + 1];
+    const Wide bend = workspace.slope[3 * s + 2];
+    Wide along(0);
+    Wide scaled[kRows];
+    for (int k = 1; k < kRows; ++k) {
+      scaled[k] = workspace.mu[slot.row + k] * in[k];
+      along = fma_(workspace.unit[slot.row + k], scaled[k], along);
+    }
+    out[0] = fma_(slide, along, workspace.unit[slot.row] * in[0]);
+    const Wide pull = fma_(slide, in[0], bend * along);
+    for (int k = 1; k < kRows; ++k)
+      out[k] = workspace.mu[slot.row + k] * fma_(pull, workspace.unit[slot.row + k], across * scaled[k]);
+  }
+
+  /// out = G in for rows of a slot, or of kRows slots of one row each that touch the same degrees of freedom.
+  template <bool kCone, int kRows>
+  STICTION_HD void times_slopes(const SlotOf<Types>& slot, Index s, Index from, const Wide (&in)[kRows],
+                                Wide (&out)[kRows]) const {
+    if constexpr (kCone) {
+      times_slope<kRows>(slot, s, in, out);
+    } else {
+      for (int k = 0; k < kRows; ++k) out[k] = workspace.unit[slot.row + from + k] * in[k];
+    }
+  }
+
+  [[nodiscard]] STICTION_HD Wide entry(Offset i) const { return workspace.J[i]; }
+  [[nodiscard]] STICTION_HD const Numbers& hessian() const { return workspace.H; }
+  /// H = M + J'GJ.
+  STICTION_HD_OUTLINE void refresh_hessian() const {
+    for (Index e = 0; e < tree.entries; ++e) workspace.H.put(e, workspace.M[e]);
+    HessianRows<NewtonPack>{*this}.add();
+  }
+
+  /// gradient = J' G line.
+  STICTION_HD_OUTLINE void push_back() const {
+    for (Index k = 0; k < tree.dofs; ++k) workspace.gradient.put(k, Wide(0));
+    for_each_slot(
+        [&](const auto& slot, Index) {
+          subtract_row(slot, 0, workspace.gradient, Wide(0) - workspace.unit[slot.row] * workspace.line[slot.row]);
+        },
+        [&](auto shape, const auto& slot, Index s) {
+          constexpr int kRows = decltype(shape)::kRows;
+          Wide line[kRows];
+          Wide bent[kRows];
+          for (int k = 0; k < kRows; ++k) line[k] = workspace.line[slot.row + k];
+          times_slope<kRows>(slot, s, line, bent);
+          for (int k = 0; k < kRows; ++k) subtract_row(slot, k, workspace.gradient, Wide(0) - bent[k]);
+        });
+  }
+
+  /// J p and G J p of a step p; returns p'g.
+  STICTION_HD_OUTLINE Wide look_along() const {
+    for_each_slot(
+        [&](const auto& slot, Index) {
+          const Wide line = times_row(slot, 0, workspace.step, Wide(0));
+          workspace.line.put(slot.row, line);
+          workspace.bent.put(slot.row, workspace.unit[slot.row] * line);
+        },
+        [&](auto shape, const auto& slot, Index s) {
+          constexpr int kRows = decltype(shape)::kRows;
+          Wide line[kRows];
+          Wide bent[kRows];
+          for (int k = 0; k < kRows; ++k) line[k] = times_row(slot, k, workspace.step, Wide(0));
+          times_slope<kRows>(slot, s, line, bent);
+          for (int k = 0; k < kRows; ++k) {
+            workspace.line.put(slot.row + k, line[k]);
+            workspace.bent.put(slot.row + k, bent[k]);
+          }
+        });
+    Wide sum(0);
+    for (Index k = 0; k < tree.dofs; ++k) sum = fma_(workspace.step[k], workspace.gradient[k], sum);
+    return sum;
+  }
+
+  /// Slope and curvature at v + t p of the function that is minimised. What the quadratic model of the step foresaw of
+  /// either is known. What is summed is the rest, which is zero where a cone stays as it was.
+  struct LineSlope {
+    Wide slope;
+    Wide curvature;
+  };
+  STICTION_HD_OUTLINE LineSlope look_at(Wide t, Wide descent) const {
+    Wide slope = (Wide(1) - t) * descent;
+    Wide curvature = Wide(0) - descent;
+    for_each_slot(
+        [&](const auto& slot, Index s) {
+          const Wide line = workspace.line[slot.row];
+          const RowReaction<Wide> point = row_reaction(row_law(s), fma_(t, line, workspace.z[slot.row]));
+          const Wide change = (workspace.x[slot.row] - point.x) - t * workspace.bent[slot.row];
+          slope = fma_(change, line, slope);
+          curvature = fma_((point.slope - workspace.unit[slot.row]) * line, line, curvature);
+        },
+        [&](auto shape, const auto& slot, Index s) {
+          constexpr int kRows = decltype(shape)::kRows;
+          const ConeLaw<Wide> law = cone_law(s);
+          Wide z[kRows];
+          Wide line[kRows];
+          Wide mu[kRows];
+          for (int k = 0; k < kRows; ++k) {
+            mu[k] = k == 0 ? Wide(1) : workspace.mu[slot.row + k];
+            line[k] = mu[k] * workspace.line[slot.row + k];
+            z[k] = fma_(t, line[k], mu[k] * workspace.z[slot.row + k]);
+          }
+          const ConeReaction<Wide> point = cone_reaction(law, z[0], tangential_norm<kRows>(z));
+          Wide along(0);
+          Wide square(0);
+          Wide before(0);
+          for (int k = 1; k < kRows; ++k) {
+            const Wide minus = Wide(0) - z[k];
+            along = fma_(minus * point.inverse_length, line[k], along);
+            square = fma_(line[k], line[k], square);
+            const Wide raw = workspace.line[slot.row + k];
+            const Wide x = mu[k] * (point.across * minus);
+            slope = fma_((workspace.x[slot.row + k] - x) - t * workspace.bent[slot.row + k], raw, slope);
+            before = fma_(workspace.bent[slot.row + k], raw, before);
+          }
+          slope = fma_((workspace.x[slot.row] - point.x_n) - t * workspace.bent[slot.row], line[0], slope);
+          before = fma_(workspace.bent[slot.row], line[0], before);
+          // line' G line at the new place, less the same at the old one.
+          const Wide turned = fma_(Wide(2) * point.slide * line[0], along, point.normal * line[0] * line[0]);
+          const Wide after = fma_(point.bend * along, along, fma_(point.across, square, turned));
+          curvature = curvature + (after - before);
+        });
+    return {slope, curvature};
+  }
+
+  /// The minimum on the line, by Newton's method in a bracket, in the lanes that move; 0 in the others.
+  STICTION_HD_OUTLINE Wide search(Mask<Wide> moving, Wide descent) const {
+    constexpr int kTrials = 24;
+    const Wide enough = Wide(0.1) * abs_(descent);
+    Wide t = select(moving, Wide(1), Wide(0));
+    Wide low(0);
+    Wide high(static_cast<Scalar<Wide>>(1e30));
+    Mask<Wide> open = moving;
+    for (int trial = 0; trial < kTrials; ++trial) {
+      const LineSlope there = look_at(t, descent);
+      open = and_(open, abs_(there.slope) > enough);
+      if (!any(open)) break;
+      const auto is_before = there.slope < Wide(0);
+      low = select(is_before, t, low);
+      high = select(is_before, high, t);
+      const Wide newton = t - div_(there.slope, there.curvature);
+      const auto has_end = high < Wide(static_cast<Scalar<Wide>>(1e30));
+      const Wide inside = select(has_end, Wide(0.5) * (low + high), Wide(2) * low);
+      const auto is_inside = and_(newton > low, newton < min_(high, Wide(16) * max_(low, Wide(1))));
+      t = select(open, select(is_inside, newton, inside), t);
+    }
+    return t;
+  }
+
+  /// What v changed by, z, reactions and gradient after a step of length t.
+  STICTION_HD_OUTLINE void take_step(Wide t) const {
+    for (Index k = 0; k < tree.dofs; ++k) {
+      workspace.moved.put(k, fma_(t, workspace.step[k], workspace.moved[k]));
+      workspace.gradient.put(k, (Wide(1) - t) * workspace.gradient[k]);
+    }
+    for (Index row = 0; row < counts.rows; ++row) {
+      workspace.z.put(row, fma_(t, workspace.line[row], workspace.z[row]));
+      workspace.change.put(row, workspace.x[row] - t * workspace.bent[row]);
+    }
+    refresh_reactions();
+    for (Index s = 0; s < counts.slots; ++s)
+      for (Index k = 0; k < slots[s].rows; ++k) {
+        const Index row = slots[s].row + k;
+        const Wide change = workspace.change[row] - workspace.x[row];
+        if (any(change != Wide(0))) subtract_row(slots[s], k, workspace.gradient, Wide(0) - change);
+      }
+  }
+};
+
+}  // namespace stiction::inline STICTION_ISA

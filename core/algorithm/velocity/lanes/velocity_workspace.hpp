@@ -1,0 +1,107 @@
+#pragma once
+
+#include "core/algorithm/velocity/lanes/dof_tree.hpp"
+#include "core/algorithm/velocity/lanes/lane_array.hpp"
+
+namespace stiction::inline STICTION_ISA {
+
+template <class Types>
+using SlotOf = Slot<Types::kLanes, typename Types::Set>;
+template <class Types>
+using TreeOf = DofTree<typename Types::Set>;
+template <class Types>
+using SmallOf = typename SetTraits<typename Types::Set>::Small;
+
+/// Scratch of one pack, in numbers: arrays by row of a slot, by slot, by degree of freedom, by entry of J and of M.
+template <class Types>
+struct VelocityWorkspace {
+  using Number = typename Types::Number;
+  using Numbers = typename Types::Numbers;
+  static constexpr Index kStride = Types::kStride;
+  /// Of three evaluations each: the terms that the answer has, and by how much they differ from those it was found
+  /// with.
+  static constexpr Index kSlips = 6;
+  static constexpr Index kDouble = sizeof(Number) == sizeof(double) ? 1 : 2;
+
+  Numbers J;           ///< rows x columns of each slot                           (entries)
+  Numbers z;           ///< J v - target + shift                                  (rows)
+  Numbers x;           ///< reactions                                             (rows)
+  Numbers line;        ///< J p                                                   (rows)
+  Numbers bent;        ///< G J p                                                 (rows)
+  Numbers change;      ///< of the reactions, but for what the quadratic model foresaw  (rows)
+  Numbers target;      ///<                                                       (rows)
+  Numbers shift;       ///< de Saxce's and proximal terms                         (rows)
+  Numbers mu;          ///< of tangential rows; 1 in others                       (rows)
+  Numbers R;           ///<                                                       (rows)
+  Numbers held;        ///< reactions that the proximal term holds on to          (rows)
+  Numbers prox;        ///< what is added to R                                    (rows)
+  Numbers unit;        ///< of a cone: slope of the normal, direction of -z_t     (rows)
+  Numbers law;         ///< RowLaw or ConeLaw                                     (3 slots)
+  Numbers slope;       ///< of a cone: across, slide, bend                        (3 slots)
+  Numbers moved;       ///< by what steps changed v since it was written down     (dofs)
+  Numbers v_free;      ///<                                                       (dofs)
+  Numbers gradient;    ///<                                                       (dofs)
+  Numbers step;        ///<                                                       (dofs)
+  Numbers inverse;     ///< of H's pivots                                         (dofs)
+  Numbers mobility;    ///< of M's pivots                                         (dofs)
+  Numbers M;           ///<                                                       (tree entries)
+  Numbers H;           ///<                                                       (tree entries)
+  double* v;           ///< velocity                                              (dofs; lanes)
+  double* factor;      ///< of M, in double                                       (tree entries; lanes)
+  double* pivot;       ///< inverse pivots of M                                   (dofs; lanes)
+  double* velocity;    ///< v_free + M^-1 J' x                                    (dofs; lanes)
+  double* motion;      ///< of the reactions' rows                                (rows; lanes)
+  double* error_unit;  ///< ErrorScale::unit                                     (1; lanes)
+  double* share;       ///< of each cone's island, over the largest error scale  (slots; lanes)
+  double* axis_press;  ///< ConeMetric's weights of rows                         (rows; lanes)
+  double* axis_slip;   ///<                                                      (rows; lanes)
+  double* diagonal;    ///< of A, row by row of a cone, scaled                    (rows; lanes)
+  double* scratch;     ///<                                                       (dofs; lanes)
+  double* wide_rows;   ///< three rows of J, by depth                             (3 dofs; lanes)
+  double* slip;        ///< de Saxce's terms of the last evaluations              (kSlips; slots; lanes)
+
+  /// Doubles that a workspace takes.
+  static STICTION_HD constexpr Offset doubles(const SlotCounts& counts, Index dofs, Index tree_entries) {
+    const Offset rows = counts.rows, slots = counts.slots;
+    const Offset numbers = counts.entries + 12 * rows + 6 * slots + 6 * Offset{dofs} + 2 * Offset{tree_entries};
+    const Offset wide = 1 + Offset{tree_entries} + 7 * Offset{dofs} + 4 * rows + (1 + kSlips) * slots;
+    return kStride * (wide + (numbers + kDouble - 1) / kDouble);
+  }
+
+  /// `lane`: which of kStride lanes that share the memory; 0 for a pack.
+  STICTION_HD VelocityWorkspace(double* memory, const SlotCounts& counts, Index dofs, Index tree_entries,
+                                Index lane = 0) {
+    const auto take_doubles = [&memory, lane](Offset count) {
+      double* const part = memory + lane;
+      memory += count * kStride;
+      return part;
+    };
+    factor = take_doubles(tree_entries);
+    v = take_doubles(dofs);
+    pivot = take_doubles(dofs);
+    velocity = take_doubles(dofs);
+    scratch = take_doubles(dofs);
+    wide_rows = take_doubles(3 * Offset{dofs});
+    motion = take_doubles(counts.rows);
+    diagonal = take_doubles(counts.rows);
+    axis_press = take_doubles(counts.rows);
+    axis_slip = take_doubles(counts.rows);
+    error_unit = take_doubles(1);
+    share = take_doubles(counts.slots);
+    slip = take_doubles(kSlips * Offset{counts.slots});
+    Number* rest = reinterpret_cast<Number*>(memory);
+    const auto take = [&rest, lane](Offset count) {
+      const Numbers part{rest + lane};
+      rest += count * kStride;
+      return part;
+    };
+    J = take(counts.entries);
+    for (Numbers* part : {&z, &x, &line, &bent, &change, &target, &shift, &mu, &R, &held, &prox, &unit})
+      *part = take(counts.rows);
+    for (Numbers* part : {&law, &slope}) *part = take(3 * Offset{counts.slots});
+    for (Numbers* part : {&moved, &v_free, &gradient, &step, &inverse, &mobility}) *part = take(dofs);
+    for (Numbers* part : {&M, &H}) *part = take(tree_entries);
+  }
+};
+
+}  // namespace stiction::inline STICTION_ISA

@@ -1,0 +1,55 @@
+#include <cmath>
+#include <string>
+
+#include "core/job/workspace.hpp"
+#include "core/runtime/check/check_options.hpp"
+#include "stiction/error.hpp"
+
+namespace stiction {
+
+void check_options(const SolverOptions& options) {
+  const auto fail = [](const std::string& message) { throw Error(ErrorCode::invalid_argument, message); };
+  if (!(options.tolerance >= 0.0) || !std::isfinite(options.tolerance))
+    fail("tolerance = " + std::to_string(options.tolerance) + ": must be finite and >= 0 (0 runs all iterations)");
+  if (!(options.absolute_tolerance >= 0.0) || !std::isfinite(options.absolute_tolerance))
+    fail("absolute_tolerance = " + std::to_string(options.absolute_tolerance) + ": must be finite and >= 0");
+  if (options.max_iterations < 0) fail("max_iterations = " + std::to_string(options.max_iterations) + ": must be >= 0");
+  if (options.stall_window < 0)
+    fail("stall_window = " + std::to_string(options.stall_window) + ": must be >= 0 (0 never gives up)");
+  if (!(options.omega > 0.0 && options.omega < 2.0))
+    fail("omega = " + std::to_string(options.omega) + ": relaxation converges only for 0 < omega < 2");
+  if (options.threads < 0) fail("threads = " + std::to_string(options.threads) + ": must be >= 0 (0 takes all cores)");
+  if (options.solver == SolverKind::multigrid)
+    fail(
+        "solver = multigrid: works on bodies, not on contact batches; give the bodies to a BodySolver with "
+        "BodyMethod::newton (docs/bodies.md), or choose ipm or newton here");
+  if (options.solver == SolverKind::velocity_newton)
+    fail("solver = velocity_newton: works on J and M alone; a JacobianSolver with solver auto takes it");
+  if (options.direct_rows < kDirectRows || options.direct_rows > kMostDirectRows)
+    fail("direct_rows = " + std::to_string(options.direct_rows) + ": must be from " + std::to_string(kDirectRows) +
+         " to " + std::to_string(kMostDirectRows));
+  if (options.direct_rows != kDirectRows && options.solver == SolverKind::automatic)
+    fail("direct_rows = " + std::to_string(options.direct_rows) + ": solver auto chooses for matrices of up to " +
+         std::to_string(kDirectRows) + " rows; name a solver, or leave direct_rows as it is");
+  if (options.islands != IslandMode::together && options.islands != IslandMode::apart)
+    fail("islands = " + std::to_string(static_cast<int>(options.islands)) +
+         ": no such mode; use IslandMode::together or apart");
+}
+
+const char* to_string(IslandMode mode) noexcept {
+  switch (mode) {
+    case IslandMode::together:
+      return "together";
+    case IslandMode::apart:
+      return "apart";
+  }
+  return "unknown";
+}
+
+IslandMode island_mode_from_string(const std::string& name) {
+  for (const IslandMode mode : {IslandMode::together, IslandMode::apart})
+    if (name == to_string(mode)) return mode;
+  throw Error(ErrorCode::invalid_argument, "island mode '" + name + "' is not known; use one of: together, apart");
+}
+
+}  // namespace stiction

@@ -1,0 +1,268 @@
+// Derivatives of compliant environments of J and M, which lanes take side by side. They are compared with those of the
+// contact batch that is assembled of them, which takes another linear system.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <numeric>
+
+#include "core/machine/jacobian_machine.hpp"
+#include "cpu_fallback/machine/adjoint_parts.hpp"
+#include "cpu_fallback/tables/isa.hpp"
+#include "tests/support/bits.hpp"
+#include "tests/support/jacobian_derivatives.hpp"
+#include "tests/support/scoped_isa.hpp"
+
+namespace {
+
+using namespace stiction;
+using namespace stiction::test;
+
+/// Cones of every kind and size that lanes take, some tangential axes without friction, no two rows of like compliance.
+JacobianEnvironment<double> draw(std::uint64_t seed, MassForm form = MassForm::matrix) {
+  scenes::Rng rng(seed);
+  const std::size_t dofs = 1 + seed * 7 % 29;
+  JacobianEnvironment<double> env;
+  const auto add = [&](const auto& cone) {
+    env.cones.push_back(cone);
+    for (Index k = 0; k < cone.row_count; ++k) {
+      const bool has_friction = cone.kind == ConeKind::friction && k > 0 && rng.uniform(0.0, 1.0) > 0.15;
+      env.mu.push_back(has_friction ? rng.uniform(0.1, 1.2) : 0.0);
+      env.R.push_back(rng.uniform(0.005, 0.05));
+      env.target.push_back(rng.symmetric(0.1));
+      const double lo = rng.symmetric(0.3);
+      env.lo.push_back(lo);
+      env.hi.push_back(lo + rng.uniform(0.0, 0.5));
+    }
+  };
+  for (std::uint64_t c = 0; c < 1 + seed % 6; ++c) {
+    add(friction(static_cast<Index>(2 + (seed + c) % 5)));
+    if (c % 2 == 0) add(unilateral());
+    if (c % 3 == 0) add(box());
+    if (c == 1) add(free_row());
+  }
+  for (std::size_t i = 0; i < env.mu.size() * dofs; ++i)
+    env.J.push_back(rng.uniform(0.0, 1.0) < 0.3 ? 0.0 : rng.symmetric(1.0));
+  for (std::size_t k = 0; k < dofs; ++k) env.v_free.push_back(rng.symmetric(1.0));
+  std::vector<double> root(dofs * dofs);
+  for (double& entry : root) entry = rng.symmetric(0.5);
+  for (std::size_t i = 0; i < dofs; ++i)
+    for (std::size_t j = 0; j < dofs; ++j) {
+      double sum = i == j ? 0.5 : 0.0;
+      for (std::size_t k = 0; k < dofs; ++k) sum += root[i * dofs + k] * root[j * dofs + k];
+      env.M.push_back(sum);
+    }
+  if (form == MassForm::factor) env.M = cholesky(env.M, dofs);
+  return env;
+}
+
+JacobianBatch<double> batch_of(const std::vector<JacobianEnvironment<double>>& envs, MassForm form = MassForm::matrix) {
+  JacobianBatch<double> batch(Law::convex, form);
+  for (const auto& env : envs) batch.add(env);
+  return batch;
+}
+std::vector<JacobianEnvironment<double>> draw_all(std::uint64_t count, MassForm form = MassForm::matrix) {
+  std::vector<JacobianEnvironment<double>> envs;
+  for (std::uint64_t seed = 1; seed <= count; ++seed) envs.push_back(draw(seed, form));
+  return envs;
+}
+std::vector<double> solved(const JacobianBatch<double>& batch) {
+  return solve(batch, options(SolverKind::newton, 1e-12, 200)).contact.lambda;
+}
+
+/// Which environments lanes answer, asked of the kernels themselves.
+std::vector<std::uint8_t> answered(const JacobianBatchView<double>& view, const std::vector<double>& lambda,
+                                   const DerivativeOptions& o = {}) {
+  const auto machine = make_cpu_jacobian_machine<double>(FactorUse::by_size, 1);
+  JacobianGradients<double> to(view);
+  JacobianVjpJob<double> job{};
+  static_cast<DerivativeJob<double>&>(job.contact) = {
+      {}, {lambda.data(), nullptr}, view.law, o.residual_limit, o.tie_tolerance, o.max_unknowns, 1, to.status.data()};
+  std::vector<double> in(lambda.size()), out(lambda.size()), adjoint(static_cast<std::size_t>(view.dof_count));
+  std::vector<double> moved(adjoint.size());
+  std::vector<std::uint8_t> found(static_cast<std::size_t>(view.env_count));
+  job.assembly.batch = view;
+  job.gradients = to.view();
+  job.connect(machine->lay_out(view, StreamRef::default_stream()), in.data(), out.data());
+  job.lanes = {adjoint.data(), moved.data(), found.data()};
+  cpu::AdjointParts<double> parts(job);
+  cpu::VelocityScratch scratch;
+  cpu::best_isa().velocity().f64.pull(job, parts.all().data(), parts.results(), static_cast<Offset>(parts.all().size()),
+                                      scratch);
+  parts.finish();
+  return found;
+}
+
+/// M itself, where a factor of it was given.
+std::vector<double> full_mass_of(const JacobianEnvironment<double>& env, MassForm form) {
+  if (form == MassForm::matrix) return env.M;
+  const std::size_t dofs = env.v_free.size();
+  std::vector<double> M(env.M.size());
+  for (std::size_t i = 0; i < dofs; ++i)
+    for (std::size_t j = 0; j < dofs; ++j)
+      for (std::size_t k = 0; k < dofs; ++k) M[i * dofs + j] += env.M[i * dofs + k] * env.M[j * dofs + k];
+  return M;
+}
+
+double largest(const std::vector<double>& numbers) {
+  double most = 0.0;
+  for (const double number : numbers) most = std::max(most, std::abs(number));
+  return most;
+}
+
+TEST(DerivativeInLanes, IsThatOfTheAssembledBatch) {
+  constexpr std::uint64_t kEnvs = 60;
+  for (const MassForm form : {MassForm::matrix, MassForm::factor}) {
+    const auto batch = batch_of(draw_all(kEnvs, form), form);
+    const auto view = batch.view();
+    const auto lambda = solved(batch);
+    const auto taken = answered(view, lambda);
+    EXPECT_EQ(std::accumulate(taken.begin(), taken.end(), 0), static_cast<int>(kEnvs));
+    const auto bar = random_numbers(lambda.size(), 1), w_bar = random_numbers(lambda.size(), 2);
+    const auto own = test::vjp(view, lambda, bar, w_bar, {});
+    const ContactBatch<double> assembled = assemble(view, FactorUse::never);
+    const auto expected = vjp(assembled.view(), lambda, bar, w_bar);
+    const auto compare = [&](const char* name, const std::vector<double>& one, const std::vector<double>& other,
+                             double sign) {
+      const double size = std::max(largest(other), 1e-3);
+      for (std::size_t i = 0; i < one.size(); ++i)
+        EXPECT_NEAR(one[i], sign * other[i], 1e-9 * size) << name << ' ' << i;
+    };
+    compare("target", own.target, expected.b, -1.0);
+    compare("R", own.R, expected.R, 1.0);
+    compare("mu", own.mu, expected.mu, 1.0);
+    compare("lo", own.lo, expected.lo, 1.0);
+    compare("hi", own.hi, expected.hi, 1.0);
+    EXPECT_GT(largest(own.mu), 0.01);
+    EXPECT_GT(largest(own.lo), 0.01);
+    EXPECT_GT(largest(own.hi), 0.01);
+    for (std::size_t e = 0; e < kEnvs; ++e) {
+      EXPECT_EQ(own.status[e].flags, expected.status[e].flags) << e;
+      EXPECT_EQ(own.status[e].unknowns, expected.status[e].unknowns) << e;
+      EXPECT_NEAR(own.status[e].forward_residual, expected.status[e].forward_residual, 1e-14) << e;
+      EXPECT_LT(own.status[e].residual, 1e-11) << e;
+    }
+  }
+}
+
+TEST(DerivativeInLanes, CountsTheSameContactsBetweenModes) {
+  const auto batch = batch_of(draw_all(40));
+  const auto view = batch.view();
+  const auto lambda = solved(batch);
+  const auto bar = random_numbers(lambda.size(), 1);
+  int tied = 0;
+  for (const double tolerance : {0.0, 1e-2, 0.3}) {
+    DerivativeOptions o;
+    o.tie_tolerance = tolerance;
+    const auto own = test::vjp(view, lambda, bar, {}, {}, o);
+    const auto expected = vjp(assemble(view, FactorUse::never).view(), lambda, bar, {}, o);
+    for (std::size_t e = 0; e < own.status.size(); ++e) {
+      EXPECT_EQ(own.status[e].flags, expected.status[e].flags) << tolerance << ' ' << e;
+      EXPECT_EQ(own.status[e].unknowns, expected.status[e].unknowns) << tolerance << ' ' << e;
+      EXPECT_EQ(own.status[e].degenerate, expected.status[e].degenerate) << tolerance << ' ' << e;
+      tied += own.status[e].degenerate;
+    }
+  }
+  EXPECT_GT(tied, 50);
+}
+
+/// Lanes take no row without compliance, no answer that is none, not more unknowns than allowed, and no factor that is
+/// too large. Neighbours of such environments have the bits that they have alone.
+TEST(DerivativeInLanes, LeavesTheRestToTheOthers) {
+  std::vector<JacobianEnvironment<double>> envs = draw_all(9);
+  envs[2].R[0] = 0.0;
+  envs[6] = random_jacobian({5, 4, 3, 190, 0, 0.01});
+  const auto batch = batch_of(envs);
+  const auto view = batch.view();
+  auto lambda = solved(batch);
+  lambda[static_cast<std::size_t>(view.env_row_offsets[4])] += 1.0;
+  const auto taken = answered(view, lambda);
+  EXPECT_EQ(taken, (std::vector<std::uint8_t>{1, 1, 0, 1, 0, 1, 0, 1, 1}));
+  const auto bar = random_numbers(lambda.size(), 1);
+  const auto own = test::vjp(view, lambda, bar, {}, {});
+  for (std::size_t e = 0; e < envs.size(); ++e)
+    EXPECT_EQ(own.status[e].flags, e == 4 ? std::uint32_t{kGradientUnconverged} : 0U) << e;
+  for (Offset i = view.env_row_offsets[4]; i < view.env_row_offsets[5]; ++i)
+    EXPECT_EQ(own.R[static_cast<std::size_t>(i)], 0.0);
+  for (std::size_t e = 0; e < envs.size(); ++e) {
+    const auto alone = batch_of({envs[e]});
+    const auto first = static_cast<std::ptrdiff_t>(view.env_row_offsets[static_cast<Offset>(e)]);
+    const auto last = static_cast<std::ptrdiff_t>(view.env_row_offsets[static_cast<Offset>(e) + 1]);
+    const auto part = [&](const std::vector<double>& numbers) {
+      return std::vector<double>(numbers.begin() + first, numbers.begin() + last);
+    };
+    const auto expected = test::vjp(alone.view(), part(lambda), part(bar), {}, {});
+    const auto R = part(own.R);
+    EXPECT_TRUE(same_bits(std::span<const double>(R), std::span<const double>(expected.R))) << e;
+  }
+  DerivativeOptions few;
+  few.max_unknowns = 1;
+  for (const std::uint8_t one : answered(view, lambda, few)) EXPECT_EQ(one, 0);
+}
+
+/// A batch may come without a target.
+TEST(DerivativeInLanes, TakesNoTargetForZeros) {
+  JacobianEnvironment<double> whole = beside_one_another({draw(3), draw(4), draw(5), draw(6), draw(7), draw(8)});
+  std::ranges::fill(whole.target, 0.0);
+  const auto batch = batch_of({whole});
+  auto view = batch.view();
+  const auto lambda = solved(batch);
+  const auto bar = random_numbers(lambda.size(), 1);
+  const auto expected = test::vjp(view, lambda, bar, {}, {});
+  ASSERT_EQ(answered(view, lambda), (std::vector<std::uint8_t>{1}));
+  view.target = nullptr;
+  const auto own = test::vjp(view, lambda, bar, {}, {});
+  EXPECT_TRUE(same_bits(std::span<const double>(own.R), std::span<const double>(expected.R)));
+  EXPECT_TRUE(same_bits(std::span<const double>(own.J), std::span<const double>(expected.J)));
+  EXPECT_EQ(own.status[0].flags, 0U);
+  EXPECT_EQ(own.status[0].forward_residual, expected.status[0].forward_residual);
+}
+
+/// Robots beside one another, and one robot: more degrees of freedom than lanes take side by side. Ties and residuals
+/// are measured by the whole environment's motion.
+TEST(DerivativeInLanes, TakesLargeEnvironmentsPartByPart) {
+  int round = 0;
+  for (const MassForm form : {MassForm::matrix, MassForm::factor, MassForm::matrix}) {
+    const bool is_one = ++round == 3;
+    const JacobianEnvironment<double> whole = is_one
+                                                  ? random_jacobian({9, 9, 4, 81, 0, 0.02})
+                                                  : beside_one_another({draw(3, form), draw(4, form), draw(5, form),
+                                                                        draw(6, form), draw(7, form), draw(8, form)});
+    const std::size_t dofs = whole.v_free.size();
+    ASSERT_GT(dofs, 64U);
+    const auto batch = batch_of({draw(2, form), whole, draw(5, form)}, form);
+    const auto view = batch.view();
+    const auto lambda = solved(batch);
+    EXPECT_EQ(answered(view, lambda), (std::vector<std::uint8_t>{1, 1, 1}));
+    const auto bar = random_numbers(lambda.size(), 1),
+               v_bar = random_numbers(static_cast<std::size_t>(view.dof_count), 2);
+    for (const double tolerance : {0.0, 0.1}) {
+      DerivativeOptions o;
+      o.tie_tolerance = tolerance;
+      const auto own = test::vjp(view, lambda, bar, bar, v_bar, o);
+      const ContactBatch<double> assembled = assemble(view, FactorUse::never);
+      auto seed = bar;
+      const auto row = static_cast<std::size_t>(view.env_row_offsets[1]);
+      const auto dof = static_cast<std::size_t>(view.env_dof_offsets[1]);
+      const std::vector<double> bars(v_bar.begin() + static_cast<std::ptrdiff_t>(dof),
+                                     v_bar.begin() + static_cast<std::ptrdiff_t>(dof + dofs));
+      const auto response = solve_columns(full_mass_of(whole, form), bars, dofs);
+      for (std::size_t i = 0; i < whole.mu.size(); ++i)
+        for (std::size_t k = 0; k < dofs; ++k) seed[row + i] += whole.J[i * dofs + k] * response[k];
+      const auto expected = vjp(assembled.view(), lambda, seed, bar, o);
+      for (std::size_t i = row; i < row + whole.mu.size(); ++i) {
+        EXPECT_NEAR(own.target[i], -expected.b[i], 1e-9 * largest(expected.b)) << i;
+        EXPECT_NEAR(own.R[i], expected.R[i], 1e-9 * largest(expected.R)) << i;
+        EXPECT_NEAR(own.mu[i], expected.mu[i], 1e-9 * largest(expected.mu)) << i;
+      }
+      EXPECT_EQ(own.status[1].flags, expected.status[1].flags);
+      EXPECT_EQ(own.status[1].unknowns, expected.status[1].unknowns);
+      EXPECT_EQ(own.status[1].degenerate, expected.status[1].degenerate);
+      // Roundings of max|b|, over the scale of an island that is smaller.
+      EXPECT_NEAR(own.status[1].forward_residual, expected.status[1].forward_residual, 1e-13);
+    }
+  }
+}
+
+}  // namespace
