@@ -3,7 +3,7 @@
 import numpy as np
 
 import stiction
-from stiction import Batch, ParallelContactSolver, Solver
+from stiction import Batch, Solver, SteppingSolver
 
 A = np.tile(np.eye(6), (2, 1, 1))  # two environments of two friction cones
 b = np.zeros((2, 6)) - 1.0
@@ -24,7 +24,7 @@ def frozen(array):
 
 
 def loop(envs=2, **more):
-    return ParallelContactSolver(envs, max_rows=6, **more)
+    return SteppingSolver(envs, max_rows=6, **more)
 
 
 MISTAKES = {

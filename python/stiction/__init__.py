@@ -14,7 +14,7 @@ from .core.policy import Accuracy, AccuracyPolicy
 from .core.semidefinite import semidefinite_matrix, semidefinite_vector
 from .core.solution import CODES, SOLVERS, Solution
 from .core.solver import Solver, verify, worst_contacts
-from .core.stepping import ParallelContactSolver
+from .core.stepping import ParallelContactSolver, SteppingSolver
 from .core.world import Body, Shape, World, WorldContacts, WorldState
 from .core.world_step import WorldStep
 
@@ -25,5 +25,5 @@ numerics_epoch = _core.numerics_epoch
 
 __all__ = ["Accuracy", "AccuracyPolicy", "Batch", "Body", "CODES", "Derivative", "Error", "FLAGS", "GRADIENT_DTYPE",
            "GRADIENT_FLAGS", "Gradients", "ParallelContactSolver", "SOLVERS", "STATUS_DTYPE", "Shape", "Solution",
-           "Solver", "World", "WorldContacts", "WorldState", "WorldStep", "devices", "learning", "monitor",
-           "numerics_epoch", "semidefinite_matrix", "semidefinite_vector", "verify", "worst_contacts"]
+           "Solver", "SteppingSolver", "World", "WorldContacts", "WorldState", "WorldStep", "devices", "learning",
+           "monitor", "numerics_epoch", "semidefinite_matrix", "semidefinite_vector", "verify", "worst_contacts"]

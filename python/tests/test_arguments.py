@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import stiction
-from stiction import Accuracy, AccuracyPolicy, Batch, Body, ParallelContactSolver, Shape, Solver, World, WorldStep
+from stiction import Accuracy, AccuracyPolicy, Batch, Body, Shape, Solver, SteppingSolver, World, WorldStep
 from stiction.distributed import Shard, rebalance
 from stiction.learning import Guess
 from stiction.learning import features
@@ -71,8 +71,8 @@ MISTAKES = {
     "entropy NaN": (lambda: AccuracyPolicy.entropy(5, 1).apply(entropy=NAN), ValueError, "entropy: expected numbers, got nan"),
     "a base without end": (lambda: AccuracyPolicy.entropy(INF, 1), ValueError, "base: .*got inf"),
     "negative room": (lambda: Solver(capacity={"rows": -1}), ValueError, r"capacity\['rows'\]: expected a count.*got -1"),
-    "negative freedom": (lambda: ParallelContactSolver(1, max_rows=3, form="jacobian", max_dofs=-1), ValueError, "max_dofs: .*-1"),
-    "half an environment": (lambda: ParallelContactSolver(2, max_rows=3).reset([0.5]), TypeError, "ids: expected an integer"),
+    "negative freedom": (lambda: SteppingSolver(1, max_rows=3, form="jacobian", max_dofs=-1), ValueError, "max_dofs: .*-1"),
+    "half an environment": (lambda: SteppingSolver(2, max_rows=3).reset([0.5]), TypeError, "ids: expected an integer"),
     "features of no tolerance": (lambda: features(contacts(), NAN), ValueError, "tolerance: .*got nan"),
     "half a shard": (lambda: Shard.split(1.5), TypeError, "total: expected an integer, got 1.5"),
     "offsets between": (lambda: Shard.of([0, 1.5]), TypeError, "offsets: expected an integer, got 1.5"),

@@ -58,7 +58,7 @@ class TestTorch:
 
     def test_loops_take_tensors(self, problem):
         A, b = self.tensors(problem)
-        solver = stiction.ParallelContactSolver(5, max_rows=6, beta=1.0)
+        solver = stiction.SteppingSolver(5, max_rows=6, beta=1.0)
         batch, ids = Batch.from_delassus(A, b, mu=0.5), self.torch.arange(10).reshape(5, 2)
         solver.step(batch, ids, 0.01)
         solver.reset(mask=self.torch.tensor([True, False, False, False, False]))
@@ -67,7 +67,7 @@ class TestTorch:
     def test_loops_of_jacobians_take_tensors(self):
         J = self.torch.from_numpy(np.random.default_rng(5).normal(size=(5, 6, 9)))
         batch = Batch.from_jacobian(J, self.torch.ones(5, 9).double(), -J.sum(1), mu=0.5)
-        loop = stiction.ParallelContactSolver(5, form="jacobian", max_rows=6, beta=1.0, tolerance=1e-6)
+        loop = stiction.SteppingSolver(5, form="jacobian", max_rows=6, beta=1.0, tolerance=1e-6)
         first, again = (loop.step(batch, self.torch.arange(10).reshape(5, 2), 0.01) for _ in range(2))
         assert isinstance(first.velocities, self.torch.Tensor) and first.iterations.max() > 0
         assert (again.iterations == 0).all()
@@ -79,7 +79,7 @@ class TestTorch:
         batch = Batch.from_bodies(torch.ones(3, 1), torch.tensor([1.0, 0, 0, 1, 0, 1]).repeat(3, 1, 1), twist,
                                   torch.full((3, 1), -1, dtype=torch.int32), torch.zeros(3, 1, dtype=torch.int32),
                                   points, points, normal, torch.full((3, 1), 0.5), torch.zeros(3, 1))
-        loop = stiction.ParallelContactSolver(3, form="bodies", max_rows=3, dtype="float32")
+        loop = stiction.SteppingSolver(3, form="bodies", max_rows=3, dtype="float32")
         solution = loop.step(batch, torch.arange(3).reshape(3, 1))
         # 1 kg that falls with 1 m/s and slides with 1 m/s over friction of 1/2 [N s, m/s].
         assert torch.allclose(solution.lambda_[:, 0].norm(dim=1), torch.tensor(1.25).sqrt(), atol=1e-3)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import stiction
-from stiction import AccuracyPolicy, Batch, ParallelContactSolver, Solver
+from stiction import AccuracyPolicy, Batch, Solver, SteppingSolver
 
 A = np.tile(np.eye(6), (2, 1, 1))
 b = np.zeros((2, 6)) - 1.0
@@ -92,7 +92,7 @@ MISTAKES = {
                      lambda: stiction.Derivative().unrolled_vjp(Batch.from_delassus(A, b), 2.5)),
     "more sweeps than there are": (ValueError, "sweeps: expected an integer",
                                    lambda: stiction.Derivative().unrolled_vjp(Batch.from_delassus(A, b), 2**31)),
-    "rows of a loop": (ValueError, "max_rows: expected an integer", lambda: ParallelContactSolver(2, max_rows=2**31)),
+    "rows of a loop": (ValueError, "max_rows: expected an integer", lambda: SteppingSolver(2, max_rows=2**31)),
     "preset": (stiction.Error, "navigation", lambda: Solver(preset="cooking")),
     "device": (stiction.Error, "device", lambda: Solver(device="tpu")),
     "invalid": (ValueError, "invalid: expected 'isolate' or 'reject', got 'ignore'", lambda: Solver(invalid="ignore")),
@@ -117,41 +117,41 @@ MISTAKES = {
     "NaN, not isolated": (stiction.Error, "A[env 0, cone 0, row 0, column 0] = nan: must be finite",
                           lambda: Solver(invalid="reject").solve(Batch.from_delassus(A * np.nan, b))),
     "capacity": (ValueError, "batch: expected at most 1 environments, 6 rows and",
-                 lambda: ParallelContactSolver(1, max_rows=6).step(Batch.from_delassus(A, b),
+                 lambda: SteppingSolver(1, max_rows=6).step(Batch.from_delassus(A, b),
                                                                    np.zeros((2, 2), np.uint64), 0.01)),
     "capacity of Jacobians": (ValueError, "batch: expected at most 1 environments, 6 rows and",
-                              lambda: ParallelContactSolver(1, max_rows=6, form="jacobian").step(
+                              lambda: SteppingSolver(1, max_rows=6, form="jacobian").step(
                                   Batch.from_jacobian(A, A, b), np.zeros((2, 2), np.uint64), 0.01)),
     "degrees of freedom": (ValueError, "batch: expected at most 5 degrees of freedom in an environment, got 6",
-                           lambda: ParallelContactSolver(2, max_rows=6, max_dofs=5, form="jacobian").step(
+                           lambda: SteppingSolver(2, max_rows=6, max_dofs=5, form="jacobian").step(
                                Batch.from_jacobian(A, A, b), np.zeros((2, 2), np.uint64), 0.01)),
     "no degrees of freedom": (ValueError, "max_dofs: expected the degrees of freedom of the largest environment",
-                              lambda: ParallelContactSolver(2, "emulated", max_rows=6, form="jacobian")),
+                              lambda: SteppingSolver(2, "emulated", max_rows=6, form="jacobian")),
     "capacity of bodies": (ValueError, "batch: expected at most 1 environments, 3 rows and 1 cones, got 1, 6 and 2",
-                           lambda: ParallelContactSolver(1, max_rows=3, form="bodies").step(
+                           lambda: SteppingSolver(1, max_rows=3, form="bodies").step(
                                one_body(2), np.zeros((1, 2), np.uint64))),
     "ids of bodies": (ValueError, "ids: expected uint64 (1, 2)",
-                      lambda: ParallelContactSolver(1, max_rows=6, form="bodies").step(
+                      lambda: SteppingSolver(1, max_rows=6, form="bodies").step(
                           one_body(2), np.zeros((1, 3), np.uint64))),
     "another dt than the bodies'": (ValueError, "dt: expected that of the batch of bodies, 0.005, or None, got 0.01",
-                                    lambda: ParallelContactSolver(1, max_rows=6, form="bodies").step(
+                                    lambda: SteppingSolver(1, max_rows=6, form="bodies").step(
                                         one_body(2), np.zeros((1, 2), np.uint64), 0.01)),
     "no dt": (ValueError, "dt: expected the length of the step [s], got None",
-              lambda: ParallelContactSolver(2, max_rows=6).step(Batch.from_delassus(A, b), np.zeros((2, 2), np.uint64))),
+              lambda: SteppingSolver(2, max_rows=6).step(Batch.from_delassus(A, b), np.zeros((2, 2), np.uint64))),
     "another form": (ValueError, "batch: expected form 'jacobian', for which the solver was made, got 'delassus'",
-                     lambda: ParallelContactSolver(2, max_rows=6, form="jacobian").step(
+                     lambda: SteppingSolver(2, max_rows=6, form="jacobian").step(
                          Batch.from_delassus(A, b), np.zeros((2, 2), np.uint64), 0.01)),
     "no form": (ValueError, "form: expected 'delassus', 'jacobian' or 'bodies', got 'pyramids'",
-                lambda: ParallelContactSolver(2, max_rows=6, form="pyramids")),
+                lambda: SteppingSolver(2, max_rows=6, form="pyramids")),
     "multigrid in a loop": (ValueError, "'multigrid', which works on bodies alone",
-                            lambda: ParallelContactSolver(2, max_rows=6, solver="multigrid")),
+                            lambda: SteppingSolver(2, max_rows=6, solver="multigrid")),
     "ids": (TypeError, "ids: expected uint64 (2, 2)",
-            lambda: ParallelContactSolver(2, max_rows=6).step(Batch.from_delassus(A, b), np.zeros((2, 2), np.int32), 0.01)),
-    "step of no length": (stiction.Error, "dt", lambda: ParallelContactSolver(2, max_rows=6).step(
+            lambda: SteppingSolver(2, max_rows=6).step(Batch.from_delassus(A, b), np.zeros((2, 2), np.int32), 0.01)),
+    "step of no length": (stiction.Error, "dt", lambda: SteppingSolver(2, max_rows=6).step(
         Batch.from_delassus(A, b), np.arange(4, dtype=np.uint64).reshape(2, 2), 0.0)),
     "mask": (ValueError, "mask: expected bool (2,)",
-             lambda: ParallelContactSolver(2, max_rows=6).reset(mask=np.zeros(3, bool))),
-    "reset beyond": (stiction.Error, "5", lambda: ParallelContactSolver(2, max_rows=6).reset(ids=[5])),
+             lambda: SteppingSolver(2, max_rows=6).reset(mask=np.zeros(3, bool))),
+    "reset beyond": (stiction.Error, "5", lambda: SteppingSolver(2, max_rows=6).reset(ids=[5])),
     "no progress": (ValueError, "progress: expected the share of the training", lambda: AccuracyPolicy.curriculum().apply()),
     "late curriculum": (ValueError, "stages: expected the first to begin at progress 0",
                         lambda: AccuracyPolicy.curriculum([(0.5, 10, 1e-3)])),

@@ -150,10 +150,10 @@ def test_a_loop_on_a_device_has_room_for_matrices_where_it_is_told_to():
     batch, ids = Batch.from_delassus(A, b, cones=[("semidefinite", 6)]), np.array([[1], [2]])
     hashes = set()
     for device, options in (("cpu", {}), ("emulated", {"semidefinite": True})):
-        solver = stiction.ParallelContactSolver(2, device, max_rows=6, **options)
+        solver = stiction.SteppingSolver(2, device, max_rows=6, **options)
         solution = solver.step(batch, ids, 0.01)
         assert solution.solved.all()
         hashes.add(solution.hash())
     assert len(hashes) == 1
     with pytest.raises(ValueError, match="construct the solver with semidefinite=True"):
-        stiction.ParallelContactSolver(2, "emulated", max_rows=6).step(batch, ids, 0.01)
+        stiction.SteppingSolver(2, "emulated", max_rows=6).step(batch, ids, 0.01)

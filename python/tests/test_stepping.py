@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from stiction import FLAGS, Batch, ParallelContactSolver, Solver
+import stiction
+from stiction import FLAGS, Batch, Solver, SteppingSolver
 
 IDS = np.arange(12, dtype=np.uint64).reshape(4, 3)
 
@@ -11,7 +12,7 @@ IDS = np.arange(12, dtype=np.uint64).reshape(4, 3)
 @pytest.fixture(params=["cpu", "emulated"])
 def loop(request, padded):
     batch = Batch.from_delassus(padded.A, padded.b, cone_counts=padded.counts // 3, mu=0.7)
-    return ParallelContactSolver(4, request.param, max_rows=9, max_cones=3, solver="npgs", tolerance=1e-8, beta=1.0), batch
+    return SteppingSolver(4, request.param, max_rows=9, max_cones=3, solver="npgs", tolerance=1e-8, beta=1.0), batch
 
 
 def test_the_second_step_starts_from_the_first(loop):
@@ -57,7 +58,7 @@ def test_numbers_are_read_in_place_at_every_step(loop, padded):
 def test_both_devices_step_through_the_same_bits(padded):
     runs = []
     for device in ("cpu", "emulated"):
-        solver = ParallelContactSolver(4, device, max_rows=9, max_cones=3, tolerance=1e-6)
+        solver = SteppingSolver(4, device, max_rows=9, max_cones=3, tolerance=1e-6)
         rng = np.random.default_rng(0)
         b, counts, hashes = padded.b.copy(), padded.counts // 3, []
         batch = Batch.from_delassus(padded.A, b, cone_counts=counts, mu=0.7)
@@ -71,7 +72,7 @@ def test_both_devices_step_through_the_same_bits(padded):
 
 def test_an_environments_steps_do_not_depend_on_its_neighbours(padded):
     def run(envs):
-        solver = ParallelContactSolver(len(envs), max_rows=9, max_cones=3, tolerance=1e-6)
+        solver = SteppingSolver(len(envs), max_rows=9, max_cones=3, tolerance=1e-6)
         batch = Batch.from_delassus(padded.A[envs].copy(), padded.b[envs].copy(), cone_counts=padded.counts[envs] // 3,
                                     mu=0.7)
         for _ in range(3):
@@ -83,14 +84,14 @@ def test_an_environments_steps_do_not_depend_on_its_neighbours(padded):
 
 def test_flat_batches_step_too(scenes):
     batch = Batch.from_delassus([s.A for s in scenes], [s.b for s in scenes], mu=0.7)
-    solver = ParallelContactSolver(4, max_rows=9, max_cones=3, beta=1.0)
+    solver = SteppingSolver(4, max_rows=9, max_cones=3, beta=1.0)
     ids = np.arange(6, dtype=np.int64)
     solver.step(batch, ids, 0.01)
     assert solver.step(batch, ids, 0.01).iterations.max() == 0
 
 
 def test_a_queued_step_is_waited_for_by_its_status(padded):
-    solver = ParallelContactSolver(4, "emulated", max_rows=9, max_cones=3)
+    solver = SteppingSolver(4, "emulated", max_rows=9, max_cones=3)
     batch = Batch.from_delassus(padded.A, padded.b, cone_counts=padded.counts // 3, mu=0.7)
     solution = solver.step(batch, IDS, 0.01, stream=0)
     assert solution.solved.all() and (solution.lambda_[2, 0::3] > 0).any()
@@ -122,7 +123,7 @@ class Jacobians:
 
 def jacobian_loop(device="cpu", **options):
     options = {"solver": "npgs", "tolerance": 1e-8, "beta": 1.0} | options
-    return ParallelContactSolver(4, device, form="jacobian", max_rows=9, max_cones=3, max_dofs=DOFS, **options)
+    return SteppingSolver(4, device, form="jacobian", max_rows=9, max_cones=3, max_dofs=DOFS, **options)
 
 
 def balls(envs=3, dtype="float64", **stepping):
@@ -149,7 +150,7 @@ def body_ids(envs=3):
 
 def body_loop(device="cpu", envs=3, **options):
     options = {"tolerance": 1e-9, "beta": 1.0} | options
-    return ParallelContactSolver(envs, device, form="bodies", max_rows=9, **options)
+    return SteppingSolver(envs, device, form="bodies", max_rows=9, **options)
 
 
 @pytest.mark.parametrize("device", ["cpu", "emulated"])
@@ -250,3 +251,7 @@ def test_loops_of_bodies_know_their_solvers(solver):
     loop = body_loop(solver=solver)
     assert loop.step(balls(), body_ids()).solved.all()
     assert loop.step(balls(), body_ids()).iterations.max() == 0
+
+
+def test_the_chapters_name_is_the_same_class():
+    assert stiction.ParallelContactSolver is SteppingSolver

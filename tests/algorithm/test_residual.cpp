@@ -159,6 +159,17 @@ TEST(ResidualBody, AnAxisFarLighterThanItsNormalHasFriction) {
     }
 }
 
+TEST(ResidualBody, NoReactionIsMissedInARowThatNoneMoves) {
+  // It slides with (3, 4), of which its reactions change the first alone. The judge asked for one along the other.
+  const auto env = contact({1, 1, 0}, {-2, 3.6, 4}, 0.5);
+  for (const double along : {0.0, -0.8}) {
+    EXPECT_NEAR(body_residual<Law::coulomb>(env, {2, -0.6, along}), 0, 1e-15) << along;
+    expect_the_judges_residual<Law::coulomb>(env, {2, -0.6, along}, 4.0, "slides");
+  }
+  EXPECT_GT(body_residual<Law::coulomb>(env, {2, 0, 0}), 0.1) << "friction that would change the motion is missed";
+  expect_the_judges_residual<Law::coulomb>(env, {2, 0, 0}, 4.0, "does not resist");
+}
+
 TEST(ResidualBody, WhatItCannotSeeIsNotSolvedWhateverIsAllowed) {
   constexpr double kInfinite = std::numeric_limits<double>::infinity();
   const auto relative = [](double residual, double floor, double tolerance) {

@@ -18,10 +18,10 @@ from .solver import need_twists, SolverBase
 _DEFAULT_STEPPING = ("coulomb", 0.005, 0.2, 0.0, 0.0, 0.1, 1, 0)
 
 
-class ParallelContactSolver(SolverBase):
+class SteppingSolver(SolverBase):
     """Solves step after step of many environments side by side, warm started by contact id.
 
-        solver = stiction.ParallelContactSolver(4096, device="cuda", max_rows=48, dtype="float32")
+        solver = stiction.SteppingSolver(4096, device="cuda", max_rows=48, dtype="float32")
         batch = stiction.Batch.from_delassus(A, b, mu=mu, cone_counts=contacts)   # arrays of fixed shape
         while True:
             ...                               # write this step's A, b, mu, contacts, ids in place
@@ -45,7 +45,7 @@ class ParallelContactSolver(SolverBase):
                  dtype: str = "float64", beta: float = 0.95, scaling: str | None = None, **options):
         if options.get("record_failures") is not None:
             raise ValueError("record_failures: expected a stiction.Solver, whose warm starts can be recorded, got a "
-                             "ParallelContactSolver")
+                             "SteppingSolver")
         super().__init__(**options)
         if form not in ("delassus", "jacobian", "bodies"):
             raise ValueError(f"form: expected 'delassus', 'jacobian' or 'bodies', got {form!r}")
@@ -211,3 +211,6 @@ class ParallelContactSolver(SolverBase):
         else:
             room[:, :-1] = ids
         return seen
+
+
+ParallelContactSolver = SteppingSolver  #: the textbook chapter's name for it
