@@ -129,6 +129,8 @@ def test_nan_without_contact_is_a_failure_too(name):
     getattr(run.state, name).assign(np.array([np.nan], np.float32))
     run.step(1, 0.005)
     assert run.solver.failed.tolist() == [0]
+    codes = run.solver.solver.stats()["codes"]
+    assert codes.get("numerical") == 1 and codes.get("solved", 0) == 0
 
 
 def test_each_world_has_its_status_and_the_judge_agrees():

@@ -106,6 +106,11 @@ class Statistics:
         more = () if batch.form == "delassus" else (batch.form == "bodies",)
         self._files[key].take(self._solver._core, view, solution._seen["lambda_"], solution._seen["status"], guess, *more)
 
+    def recode(self, count, before, after):
+        """Counts so many environments of the last solve under another code, which is known after it."""
+        self._codes[before] -= count
+        self._codes[after] += count
+
     def check(self, batch):
         """Raises ValueError for a batch whose failures could not be written, before it is solved."""
         if self._folder is None or batch.form != "bodies" or batch.device != "cpu":

@@ -197,7 +197,9 @@ class SolverStiction(newton.solvers.SolverBase):
         for new, env in ((state_out.joint_q, structure.coordinate_env), (state_out.joint_qd, structure.dof_env)):
             self._failed[env[~np.isfinite(new.numpy())]] = True
         code = self.solution.status["code"]  # a world without rows is solved, whatever its numbers
-        code[self._failed & (code == _SOLVED)] = _NUMERICAL
+        wrong = self._failed & (code == _SOLVED)
+        code[wrong] = _NUMERICAL
+        self.solver._statistics.recode(int(wrong.sum()), _SOLVED, _NUMERICAL)
         newton.eval_fk(model, state_out.joint_q, state_out.joint_qd, state_out)
         if self.hold_failed:
             for good, new, env in zip(self._good, (state_out.joint_q, state_out.joint_qd),
