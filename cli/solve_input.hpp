@@ -77,7 +77,7 @@ struct SolveInput {
 
   /// The environments in the file's order, with the file's cones.
   [[nodiscard]] const ContactBatch<double>& file_batch() const { return part ? *part : loaded.recording.batch; }
-  /// The same as they are solved: pyramids have cones of their own.
+  /// These environments as they are solved: pyramids have cones of their own.
   [[nodiscard]] const ContactBatch<double>& batch() const { return pyramids ? pyramids->batch : file_batch(); }
 };
 

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "core/base/extents.hpp"
-#include "core/runtime/batch/stored_columns.hpp"
+#include "core/runtime/check/stored_columns.hpp"
 #include "stiction/batch.hpp"
 #include "stiction/status.hpp"
 

@@ -3,9 +3,9 @@
 
 #include "core/base/extents.hpp"
 #include "core/machine/jacobian_machine.hpp"
-#include "core/runtime/batch/stored_columns.hpp"
 #include "core/runtime/check/defects.hpp"
 #include "core/runtime/check/expect.hpp"
+#include "core/runtime/check/stored_columns.hpp"
 #include "stiction/jacobian.hpp"
 
 namespace stiction {

@@ -9,9 +9,9 @@
 
 #include "core/job/cone_counts.hpp"
 #include "core/job/parallel_for.hpp"
-#include "core/runtime/batch/stored_columns.hpp"
 #include "core/runtime/check/defects.hpp"
 #include "core/runtime/check/diagonals.hpp"
+#include "core/runtime/check/stored_columns.hpp"
 #include "stiction/status.hpp"
 
 namespace stiction {

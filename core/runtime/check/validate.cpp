@@ -4,8 +4,8 @@
 #include <utility>
 
 #include "core/base/fp_env.hpp"
-#include "core/runtime/batch/stored_columns.hpp"
 #include "core/runtime/check/defects.hpp"
+#include "core/runtime/check/stored_columns.hpp"
 #include "core/runtime/check/survey.hpp"
 #include "core/runtime/check/validate_values.hpp"
 #include "stiction/batch.hpp"

@@ -7,9 +7,9 @@
 #include <string_view>
 
 #include "core/job/cone_counts.hpp"
-#include "core/runtime/batch/stored_columns.hpp"
 #include "core/runtime/check/defects.hpp"
 #include "core/runtime/check/diagonals.hpp"
+#include "core/runtime/check/stored_columns.hpp"
 #include "stiction/batch.hpp"
 #include "stiction/status.hpp"
 

@@ -2,7 +2,7 @@
 
 #include "core/algorithm/residual/final_residual.hpp"
 #include "core/algorithm/velocity/blocks/block_terms.hpp"
-#include "core/algorithm/velocity/iterate/newton_progress.hpp"
+#include "core/algorithm/velocity/evaluate/newton_progress.hpp"
 #include "core/algorithm/velocity/load/load_pack.hpp"
 
 /// From a batch's arrays to the numbers of one environment in blocks.

@@ -2,8 +2,8 @@
 
 #include "core/algorithm/newton/cone_response.hpp"
 #include "core/algorithm/residual/final_residual.hpp"
+#include "core/algorithm/velocity/evaluate/newton_progress.hpp"
 #include "core/algorithm/velocity/evaluate/pack_islands.hpp"
-#include "core/algorithm/velocity/iterate/newton_progress.hpp"
 #include "core/algorithm/velocity/load/load_pack.hpp"
 
 /// Evaluates what decides about an answer, in double whatever the iteration's precision. These are

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "core/algorithm/velocity/iterate/newton_progress.hpp"
+#include "core/algorithm/velocity/evaluate/newton_progress.hpp"
 #include "core/algorithm/velocity/iterate/slip_mixing.hpp"
 #include "core/algorithm/velocity/lanes/velocity_workspace.hpp"
 
