@@ -60,6 +60,45 @@ TEST(EnvLimits, EveryIslandHasItsEnvironmentsOwn) {
   expect_own_limits<double>(SolverKind::npgs, Device::cpu(), IslandMode::apart);
 }
 
+/// Twelve of one environment, as a pack and as single ones.
+template <class Real>
+void expect_alike_alone(const Environment<double>& env, double tolerance, EnvCode code) {
+  ContactBatch<double> batch(Law::convex);
+  for (int k = 0; k < 12; ++k) batch.add(env);
+  auto arrays = convert<Real>(batch).arrays();
+  arrays.env_tolerance.assign(12, tolerance);
+  const auto all = ContactBatch<Real>::from_arrays(Law::convex, std::move(arrays));
+  for (const SolverKind solver : {SolverKind::pgs, SolverKind::npgs, SolverKind::jacobi, SolverKind::apgd}) {
+    SCOPED_TRACE(to_string(solver));
+    SolverOptions o = options(solver, 1e-2, 400);
+    o.invalid = InvalidPolicy::isolate;
+    const Solution<Real> together = solve(all, o);
+    const auto hashes = env_hashes(all, together);
+    const ContactBatch<Real> one = gather(all, std::vector<Offset>{5});
+    const Solution<Real> alone = solve(one, o);
+    EXPECT_EQ(alone.status[0].code, code);
+    EXPECT_EQ(env_hashes(one, alone)[0], hashes[5]);
+    EXPECT_EQ(alone.status[0].iterations, together.status[5].iterations);
+    EXPECT_EQ(alone.status[0].code, together.status[5].code);
+  }
+}
+
+TEST(EnvLimits, TheLeastToleranceIsNotNoneInAPackEither) {
+  // A fuzzer's: in single precision a pack took it for 0, by which every iteration is asked for.
+  const auto env = system({unilateral(), unilateral()}, {1.3, 0.1, 0.1, 1.2}, {-3.3, -7.7});
+  expect_alike_alone<float>(env, std::numeric_limits<double>::denorm_min(), EnvCode::rounding);
+}
+
+TEST(EnvLimits, CrossedBoundsAreCrossedInAPackThoughOneIsInfinite) {
+  auto env = system({box()}, {1}, {1});
+  for (const auto& [lo, hi] : {std::pair{1e30, 1e25}, std::pair{-1e25, -1e30}, std::pair{1.0, -1.0}}) {
+    env.lo = {lo};
+    env.hi = {hi};
+    expect_alike_alone<float>(env, -1.0, EnvCode::invalid_input);
+    expect_alike_alone<double>(env, -1.0, EnvCode::invalid_input);
+  }
+}
+
 TEST(EnvLimits, TheyTravelWithTheEnvironment) {
   const ContactBatch<double> batch = with_limits(scene_batch("mixed", 9, 1));
   const std::vector<Offset> order = {8, 3, 3, 0};

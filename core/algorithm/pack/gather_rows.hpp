@@ -146,8 +146,10 @@ void gather_rows(PendingLoad<Real>& load, const DenseSystem<Real, W>& s, const P
       const Index row = first_row + c * kRows;
       const Index i = batch_row[row];
       const bool is_bounded = kKind == ConeKind::box && i >= 0;
-      lo[first_cone + c] = is_bounded ? lower_bound(env, i) : Real(0);
-      hi[first_cone + c] = is_bounded ? upper_bound(env, i) : Real(0);
+      // Crossed bounds stay crossed, of which one that counts as infinite could hide it.
+      const bool is_crossed = is_bounded && env.lo[i] > env.hi[i];
+      lo[first_cone + c] = is_crossed ? Real(1) : is_bounded ? lower_bound(env, i) : Real(0);
+      hi[first_cone + c] = is_crossed ? Real(-1) : is_bounded ? upper_bound(env, i) : Real(0);
       for (Index k = 1; k < kRows && i >= 0; ++k) scale[row + k] = env.friction(batch_row[row + k]);
     }
   });

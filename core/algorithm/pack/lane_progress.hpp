@@ -16,13 +16,17 @@ PackMask<T, W> exceeds(Pack<T, W> a, Pack<T, W> b) {
   return a > b;
 }
 
-/// The largest Real not above a tolerance >= 0: a Real is within the one if and only if it is within the other.
+/// The largest Real not above a tolerance >= 0: a Real is within the one if and only if it is within the other. One
+/// that is positive stays so, since a tolerance of 0 asks for every iteration. No error is the least of all numbers: it
+/// is a root.
 inline double rounded_down(double tolerance, double) {
   return tolerance;
 }
 inline float rounded_down(double tolerance, float) {
   const auto nearest = static_cast<float>(tolerance);
-  return static_cast<double>(nearest) > tolerance ? __builtin_nextafterf(nearest, 0.0F) : nearest;
+  constexpr float kLeast = 0x1p-149F;
+  const float below = static_cast<double>(nearest) > tolerance ? __builtin_nextafterf(nearest, 0.0F) : nearest;
+  return tolerance > 0.0 && below < kLeast ? kLeast : below;
 }
 
 /// Limits and searches of all lanes. Lanes without an environment have no iterations left: nothing is due there.
