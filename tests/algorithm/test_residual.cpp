@@ -159,6 +159,16 @@ TEST(ResidualBody, AnAxisFarLighterThanItsNormalHasFriction) {
     }
 }
 
+TEST(ResidualBody, FrictionWhoseSquareHasNoInverseIsNone) {
+  // A fuzzer's: it sticks along one axis and slides along the other, which has next to no friction.
+  for (const double mu : {1e-305, 0.0}) {
+    auto env = contact({1, 1, 1}, {-2, 0.3, 4}, 0.5);
+    env.mu[2] = mu;
+    EXPECT_NEAR(body_residual<Law::coulomb>(env, {2, -0.3, 0}), 0, 1e-15) << mu;
+    expect_the_judges_residual<Law::coulomb>(env, {2, -0.3, 0}, 4.0, "sticks and slides");
+  }
+}
+
 TEST(ResidualBody, NoReactionIsMissedInARowThatNoneMoves) {
   // It slides with (3, 4), of which its reactions change the first alone. The judge asked for one along the other.
   const auto env = contact({1, 1, 0}, {-2, 3.6, 4}, 0.5);

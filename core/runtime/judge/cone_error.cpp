@@ -30,6 +30,8 @@ Wide finite_or_infinite(Wide value) {
   return std::isfinite(value) ? value : kInfinity;
 }
 
+constexpr double kLargestNumber = std::numeric_limits<double>::max();
+
 /// Up to kMaxConeRows numbers.
 struct ConeVector {
   std::array<Wide, kMaxConeRows> at{};
@@ -48,7 +50,9 @@ struct WideRows {
       : size(rows.size), lo(static_cast<Wide>(rows.lo)), hi(static_cast<Wide>(rows.hi)) {
     std::ranges::copy(rows.lambda, lambda.begin());
     std::ranges::copy(rows.w, w.begin());
-    std::ranges::copy(rows.diagonal, diagonal.begin());
+    // One that is beyond all numbers is the largest of them: without a reaction it moves nothing.
+    std::ranges::transform(rows.diagonal, diagonal.begin(),
+                           [](double d) { return d > kLargestNumber ? kLargestNumber : d; });
     std::ranges::copy(rows.mu, mu.begin());
   }
 };
@@ -156,6 +160,14 @@ Wide unit_of(const WideRows& rows, std::size_t k) {
   return std::sqrt(rows.diagonal[0] / rows.diagonal[k]);
 }
 
+/// Friction whose square is below this counts as none, in its own unit and in the normal row's.
+constexpr Wide kLeastFriction = 0x1p-1000L;
+bool has_friction(const WideRows& rows, std::size_t k) {
+  const Wide square = rows.mu[k] * rows.mu[k];
+  const bool both_move = rows.diagonal[0] > 0 && rows.diagonal[k] > 0;
+  return rows.mu[k] > 0 && square * larger(1, both_move ? rows.diagonal[k] / rows.diagonal[0] : 1) > kLeastFriction;
+}
+
 /// A friction cone under a law, or boxed friction.
 Wide friction_error(const WideRows& rows, ConeKind kind, Law law) {
   Contact contact;
@@ -168,7 +180,7 @@ Wide friction_error(const WideRows& rows, ConeKind kind, Law law) {
     const Wide unit = unit_of(rows, k);
     const Wide weight = unit * rows.diagonal[k];
     const Wide x = weight * rows.lambda[k], y = unit * rows.w[k];
-    if (rows.mu[k] <= 0) {
+    if (!has_friction(rows, k)) {
       carried.see(x);
     } else if (kind == ConeKind::box_friction) {
       const Wide bound = weight * rows.mu[k] * larger(rows.lambda[0], 0);
