@@ -173,9 +173,11 @@ TYPED_TEST(LanesOf, AreJudgedAsAnEnvironmentIsByItself) {
 }
 
 /// Tolerances that are Reals and such as lie between two of them, and residuals at, just below and just above.
+/// Residuals are roots: beside 0 the least is that of the least number.
 template <class Real>
 Real residual_beside(double tolerance, int side) {
   const auto nearest = static_cast<Real>(tolerance);
+  if (side > 0 && nearest == Real(0)) return std::sqrt(std::numeric_limits<Real>::denorm_min());
   return side == 0 ? nearest : std::nextafter(nearest, side < 0 ? Real(0) : Real(2));
 }
 
