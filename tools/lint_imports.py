@@ -8,11 +8,12 @@ imports it, so that no circle can come about. An import that the table does not 
 and the exit status is 1. Every room may import the compiled module, `_core`.
 """
 
-import argparse
 import ast
 import pathlib
 import sys
 import tempfile
+
+import lint_tools
 
 PACKAGE = pathlib.PurePosixPath("python/stiction")
 ROOMS = {
@@ -115,19 +116,5 @@ def self_test():
     return 1 if failures else 0
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--root", type=pathlib.Path, default=pathlib.Path(__file__).resolve().parent.parent)
-    parser.add_argument("--self-test", action="store_true", help="check that planted imports are found")
-    arguments = parser.parse_args()
-    if arguments.self_test:
-        return self_test()
-    count, problems = check_tree(arguments.root)
-    for problem in problems:
-        print(problem)
-    print(f"{count} files, {len(problems)} problems")
-    return 1 if problems or count == 0 else 0
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(lint_tools.run_check(__doc__, check_tree, self_test))

@@ -9,11 +9,12 @@ is 1. Comments and string literals are not read. A template (*.in), of which CMa
 checked as that source. A name in @s that it includes is one of the folder before it.
 """
 
-import argparse
 import pathlib
 import re
 import sys
 import tempfile
+
+import lint_tools
 
 SOURCE_SUFFIXES = {".hpp", ".cpp", ".cu", ".cuh", ".h", ".inc"}
 SOURCE_FOLDERS = ["core", "cuda", "cpu_fallback", "c_api", "distributed", "cli", "scenes", "bench", "examples", "tools", "tests", "python"]
@@ -372,19 +373,5 @@ def self_test():
     return 1 if failures else 0
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--root", type=pathlib.Path, default=pathlib.Path(__file__).resolve().parent.parent)
-    parser.add_argument("--self-test", action="store_true", help="check that planted violations are found")
-    arguments = parser.parse_args()
-    if arguments.self_test:
-        return self_test()
-    count, problems = check_tree(arguments.root)
-    for problem in problems:
-        print(problem)
-    print(f"{count} files, {len(problems)} problems")
-    return 1 if problems or count == 0 else 0
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(lint_tools.run_check(__doc__, check_tree, self_test))

@@ -1,5 +1,6 @@
-"""The pinned programs of the lint, and the sources they check."""
+"""The pinned programs of the lint, the sources they check, and what a check of our own is as a program."""
 
+import argparse
 import pathlib
 import re
 import shutil
@@ -40,3 +41,19 @@ def sources():
         if not f.relative_to(ROOT).parts[0].startswith(("build", "."))]
     return [ROOT / name for name in names
             if pathlib.PurePosixPath(name).suffix in SOURCE_SUFFIXES and (ROOT / name).is_file()]
+
+
+def run_check(description, check_tree, self_test):
+    """A lint as a program: `--self-test`, or check_tree(root), which gives the number of files and the sentences to print.
+    Returns the exit status, 1 where there is any or no file."""
+    parser = argparse.ArgumentParser(description=description.splitlines()[0])
+    parser.add_argument("--root", type=pathlib.Path, default=pathlib.Path(__file__).resolve().parent.parent)
+    parser.add_argument("--self-test", action="store_true", help="check that what is planted is found")
+    arguments = parser.parse_args()
+    if arguments.self_test:
+        return self_test()
+    count, problems = check_tree(arguments.root)
+    for problem in problems:
+        print(problem)
+    print(f"{count} files, {len(problems)} problems")
+    return 1 if problems or count == 0 else 0

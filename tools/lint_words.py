@@ -5,12 +5,12 @@ style. Finds what grew too long: files, lines of prose, sentences (sentences.py 
 Usage: lint_words.py [--root DIR] [--self-test]
 """
 
-import argparse
 import pathlib
 import re
 import subprocess
 import sys
 
+import lint_tools
 import sentences
 
 CODE = {".hpp", ".cpp", ".cu", ".cuh", ".h", ".c", ".inc", ".py", ".sh", ".cmake", ".txt"}
@@ -168,26 +168,11 @@ def self_test():
     return 1 if failed else 0
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--root", type=pathlib.Path, default=pathlib.Path(__file__).resolve().parent.parent)
-    parser.add_argument("--self-test", action="store_true", help="check that planted problems are found")
-    arguments = parser.parse_args()
-    if arguments.self_test:
-        return self_test()
-    count = 0
-    problems = []
-    for name in tracked_files(arguments.root):
-        file = arguments.root / name
-        if file.suffix not in TEXT or not file.is_file():
-            continue
-        count += 1
-        problems += problems_of(name, file.read_text(encoding="utf-8"))
-    for problem in problems:
-        print(problem)
-    print(f"{count} files, {len(problems)} problems")
-    return 1 if problems or count == 0 else 0
+def check_tree(root):
+    files = [name for name in tracked_files(root) if (root / name).suffix in TEXT and (root / name).is_file()]
+    return len(files), [problem for name in files
+                        for problem in problems_of(name, (root / name).read_text(encoding="utf-8"))]
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(lint_tools.run_check(__doc__, check_tree, self_test))
