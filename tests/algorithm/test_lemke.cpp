@@ -11,6 +11,7 @@
 #include "stiction/residual.hpp"
 #include "tests/support/hand_answers.hpp"
 #include "tests/support/oracle.hpp"
+#include "tests/support/prepared.hpp"
 #include "tests/support/solve_alone.hpp"
 
 namespace stiction::test {
@@ -43,6 +44,29 @@ TEST(Lemke, SmallSystemsHaveTheAnswersWorkedOutByHand) {
       EXPECT_NEAR(solution.w[i], hand.w[i], 1e-14) << "w of row " << i;
     }
   }
+}
+
+TEST(Lemke, NoPathBeginsAtTheRowOfAReaction) {
+  // A fuzzer's: x_1 is basic and above its upper bound, so it is what needs x_0. It was taken for a motion.
+  Prepared<Lemke, Law::convex, Dense> p(system({box(), box()}, {2, 1, 1, 2}, {-1, -1}));
+  const Tableau t(p.system());
+  std::fill(t.column, &t.T(0, 0), 1.0);  // whatever lies before the table
+  const double lo[] = {-kInfinity, -kInfinity}, hi[] = {kInfinity, -10};
+  const double wanted[] = {0, 1};
+  write_dictionary(p.team, p.system(), t);
+  for (Index j = 0; j < 2; ++j) {
+    t.lo[j] = lo[j];
+    t.hi[j] = hi[j];
+    t.side[j] = 0.0;
+  }
+  write_values(p.team, p.system(), t);
+  bring_in(p.team, t, wanted);
+  ASSERT_TRUE(t.is_basic(1));
+  ASSERT_EQ(first_blocking(p.team, t, 0, -1.0, true).row, t.row_of(1));
+  const std::vector<double> before(&t.T(0, 0), &t.T(0, 0) + 8), rows(t.basic, t.basic + 2);
+  EXPECT_FALSE(begin_at_pair(p.team, t, 0));
+  EXPECT_EQ(std::vector<double>(&t.T(0, 0), &t.T(0, 0) + 8), before);
+  EXPECT_EQ(std::vector<double>(t.basic, t.basic + 2), rows);
 }
 
 TEST(Lemke, AFrictionConeIsRefusedByName) {
