@@ -1,4 +1,4 @@
-"""Two blocks on the floor, pushed sideways: one sticks, one slides. The README's first program, in Python."""
+"""Two blocks on the floor, pushed sideways: one sticks, one slides. 01_hello_batch.cpp in Python."""
 
 import numpy as np
 

@@ -26,30 +26,19 @@ def test_the_worlds_of_the_page_about_stepping_run():
     assert names["gradients"].valid.all() and names["gradients"].wrench.any()
 
 
-ROBOT = """
-<mujoco>
-  <worldbody>
-    <geom type="plane" size="5 5 1"/>
-    <body pos="0 0 0.2"><freejoint/><geom type="sphere" size=".1"/>
-      <body pos="0 0 0.2"><joint name="hip" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 .3 0 0" size=".04"/></body>
-    </body>
-  </worldbody>
-  <actuator><motor joint="hip"/></actuator>
-</mujoco>
-"""
-
-
-def test_the_first_lines_of_the_readme_step_a_robot(tmp_path, monkeypatch):
-    pytest.importorskip("mujoco", reason="README's first lines are NOT tested: pip install mujoco")
-    (tmp_path / "robot.xml").write_text(ROBOT, encoding="utf-8")
-    monkeypatch.chdir(tmp_path)
+def test_the_six_lines_of_the_readme_step_ants():
+    pytest.importorskip("gymnasium", reason="README's first lines are NOT tested: pip install gymnasium mujoco")
+    pytest.importorskip("mujoco", reason="README's first lines are NOT tested: pip install gymnasium mujoco")
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     block = re.search(r"```python\n(.*?)```", readme, re.DOTALL).group(1)
+    assert len(block.splitlines()) == 6
+    assert len(readme.split()) <= 700
     names = {}
     exec(compile(block.replace("1024", "16"), "README.md", "exec"), names)
-    heights = [data.qpos[2] for data in names["robots"].data]
-    assert len(heights) == 16 and all(0.05 < height < 0.5 for height in heights)
-    assert abs(names["robots"].data[0].time - 100 * names["model"].opt.timestep) < 1e-9
+    simulation = names["ants"].simulation
+    assert len(simulation.data) == 16
+    assert all(0.1 < data.qpos[2] < 1.5 for data in simulation.data)  # [m]: neither through the floor nor away
+    assert simulation.solver.stats()["environments"] >= 16 * 100
 
 
 def test_the_table_of_mistakes_is_what_is_said():

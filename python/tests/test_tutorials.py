@@ -30,6 +30,11 @@ def test_the_first_solve():
     assert names["solution"].solved.all()
 
 
+def test_my_engine_has_j_and_m():
+    names = run("jacobian_and_mass.md")
+    assert names["solution"].solved.all()
+
+
 def test_differentiate_a_slide():
     names = run("differentiate_a_slide.md")
     assert abs(names["mass"] - 0.7) < 0.01 and abs(names["mu"] - 0.35) < 0.001
