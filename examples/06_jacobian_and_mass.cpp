@@ -7,7 +7,7 @@ namespace {
 
 constexpr double kStep = 0.01, kGravity = 9.81;  // [s], [m/s2]
 
-/// Appends the rows of a contact at `r` from the centre of mass: J v is the velocity of that point along z, x and y.
+/// Appends a contact at `r` from the centre of mass. Its rows of J v are the point's velocity along z, x and y.
 void add_contact(stiction::JacobianEnvironment<double>& cube, const std::array<double, 3>& r) {
   const auto [x, y, z] = r;
   for (const std::array<double, 6>& row :

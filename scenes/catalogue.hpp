@@ -8,7 +8,7 @@ namespace stiction::scenes {
 /// The most contacts (cones of an unactuated scene) that `mixed` lets one environment have.
 inline constexpr int kMixedContactLimit = 300;
 
-/// One function per scene: the environment that a stream of random numbers and a size give. docs/scenes.md
+/// One function per scene: the environment that a stream of random numbers and a size give. scenes/README.md
 /// describes them; sizes have been checked against the catalogue's range.
 SceneEnv make_stack(Rng& rng, int boxes);
 SceneEnv make_wall(Rng& rng, int courses);

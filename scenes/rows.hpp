@@ -17,7 +17,7 @@ struct Contact {
   double restitution = 0;  ///< Newton's [-]
 };
 
-/// Writes constraint rows of a multibody, then the whole system. Target velocities (docs/scenes.md, 2): a contact may
+/// Writes constraint rows of a multibody, then the whole system. Target velocities (scenes/README.md, 2): a contact may
 /// close its gap within the step. It recovers a fifth of an overlap per step, at most 1 m/s.
 class RowWriter {
  public:

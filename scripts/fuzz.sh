@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Builds the fuzzers with clang and the address and undefined-behaviour sanitizers, writes seeds and runs each fuzzer
-# (docs/fuzzing.md). A finding is exit status 1; the input that caused it lies in build-fuzz/findings.
+# (tests/fuzz/README.md). A finding is exit status 1; the input that caused it lies in build-fuzz/findings.
 #
 #   scripts/fuzz.sh [SECONDS] [FUZZER ...]        default: 60 for each of fuzz_read fuzz_c_api fuzz_solve
 #   scripts/fuzz.sh --runs COUNT [FUZZER ...]     a campaign: so many executions of each

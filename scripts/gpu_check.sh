@@ -6,7 +6,7 @@
 #
 # Results are appended to FOLDER (default: out) as they come: verdict.jsonl, tune.jsonl, limits.csv, logs. Exit status of
 # `verdict`: 0 where all is right, else 1. STICTION_GPU_SECONDS limits a command (default 340), STICTION_GPU_DEVICE=ptx
-# rehearses it without a GPU (docs/gpu_first.md).
+# rehearses it without a GPU (tools/gpu_first/README.md).
 #
 # What scripts/pack_for_gpu.sh collected in .carry/ is used: gpu_first itself, else the kernels' objects (needs CMake,
 # ninja and g++, a minute and a half on 16 cores), else nvcc compiles all (many minutes).

@@ -147,12 +147,12 @@ def title_of(path):
 
 def arena_page(stage, folder):
     """The leaderboard beside its page, which gets a link to it."""
-    (folder / "docs").mkdir(parents=True, exist_ok=True)
+    (folder / "bench/arena").mkdir(parents=True, exist_ok=True)
     program, ledger = (ROOT / path for path in ARENA)
-    subprocess.run([sys.executable, program, ledger, folder / "docs/leaderboard.html"], check=True)
-    text = (ROOT / "docs/arena.md").read_text(encoding="utf-8")
+    subprocess.run([sys.executable, program, ledger, folder / "bench/arena/leaderboard.html"], check=True)
+    text = (ROOT / "bench/arena/README.md").read_text(encoding="utf-8")
     title, _, rest = text.partition("\n")
-    stage.put("docs/arena.md", f"{title}\n\n**[Open the leaderboard](leaderboard.html).**\n{rest}")
+    stage.put("bench/arena/README.md", f"{title}\n\n**[Open the leaderboard](leaderboard.html).**\n{rest}")
 
 
 def headers_of(reference):

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The arena: contact solvers on the same problems, by one judge. docs/arena.md is its page.
+"""The arena: contact solvers on the same problems, by one judge. bench/arena/README.md is its page.
 
     bench/arena/arena.py run build/bin/stiction --json FILE [--page HTML] [--quick] [--data FOLDER] [--seed S]
                              [--tolerances 1e-4,1e-6,1e-8] [--sets PATTERN] [--solvers PATTERN] [--environments N] [--seconds T]

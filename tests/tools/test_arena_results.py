@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The arena's committed run: the ledger is sound, one that is wrong is refused, parts are joined, docs/arena.md has its numbers."""
+"""The arena's committed run: the ledger is sound, one that is wrong is refused, parts are joined, bench/arena/README.md has its numbers."""
 import copy
 import re
 import sys
@@ -15,7 +15,7 @@ import ledger  # noqa: E402
 class Results(unittest.TestCase):
     def test_the_numbers_of_the_page_are_those_of_the_run(self):
         run = ledger.read(ROOT / "bench" / "results" / "amd-epyc-2-cores" / "arena.json")
-        text = (ROOT / "docs" / "arena.md").read_text(encoding="utf-8")
+        text = (ROOT / "bench" / "arena" / "README.md").read_text(encoding="utf-8")
         sizes = {one["name"]: one["environments"] for one in run["sets"]}
         rows = re.findall(r"^\| (.+?) \| (\d+) \| (\d+) of (\d+) \| (\d+) of (\d+) \| (\d+|claims nothing) \|$", text, re.M)
         self.assertEqual(len(rows), 9)
