@@ -1,4 +1,4 @@
-"""What docs/python.md shows is what happens."""
+"""The README, docs/python.md and the table of mistakes show what happens."""
 
 import re
 import runpy
@@ -9,6 +9,7 @@ from conftest import ROOT
 import stiction
 
 PAGE = (ROOT / "docs" / "python.md").read_text(encoding="utf-8")
+MISTAKES = (ROOT / "examples" / "python" / "MISTAKES.md").read_text(encoding="utf-8")
 
 
 def test_the_quickstart_runs():
@@ -44,9 +45,9 @@ def test_the_six_lines_of_the_readme_step_ants():
 def test_the_table_of_mistakes_is_what_is_said():
     said = runpy.run_path(str(ROOT / "examples" / "python" / "05_mistakes.py"))["rows"]()
     rows = {f"| {mistake} | {kind} | `{message}` |" for mistake, kind, message in said}
-    shown = set(re.findall(r"^\| .+ \| .+ \| `.+` \|$", PAGE.partition("## Mistakes")[2], re.MULTILINE))
+    shown = set(re.findall(r"^\| .+ \| .+ \| `.+` \|$", MISTAKES, re.MULTILINE))
     assert len(shown) >= 30
-    assert not rows - shown, "said, but not in docs/python.md: paste what examples/python/05_mistakes.py prints"
+    assert not rows - shown, "said, but not in MISTAKES.md: paste what examples/python/05_mistakes.py prints"
     silent = shown - rows
     assert all("gradient asked of" in row for row in silent), silent  # of PyTorch, which may be missing
 
@@ -58,4 +59,4 @@ def test_a_gpu_that_is_not_there_is_refused_as_shown():
     with pytest.raises(stiction.Error) as caught:
         stiction.Solver(device="cuda")
     begins = str(caught.value)[:len("device 'cuda' is not usable: this build has no CUDA machine")]
-    assert f"`{begins}`" in PAGE
+    assert f"`{begins}`" in MISTAKES

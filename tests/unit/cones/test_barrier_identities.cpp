@@ -12,7 +12,7 @@
 #include "tests/support/random_lcp.hpp"
 
 // Formulas of the textbook chapter about interior points, where their printed form is wrong or says too little
-// (docs/math/contact_problem.md). Here: (g) Newton's step, (l) the barrier of the second-order cone.
+// (README.md beside this file). Here: (g) Newton's step, (l) the barrier of the second-order cone.
 
 namespace {
 

@@ -14,7 +14,7 @@
 #include "tests/support/small_systems.hpp"
 
 // Formulas of the textbook chapter about friction cones, where their printed form is wrong
-// (docs/math/contact_problem.md). Here: (e) the projection, (f) the pyramid, (h) the pairing of cones, (m) the scaled
+// (README.md beside this file). Here: (e) the projection, (f) the pyramid, (h) the pairing of cones, (m) the scaled
 // projection.
 
 namespace {

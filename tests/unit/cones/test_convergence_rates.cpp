@@ -9,7 +9,7 @@
 #include "stiction/analysis.hpp"
 #include "tests/support/random_lcp.hpp"
 
-// Formulas of the textbook chapter about speed, where their printed form is wrong (docs/math/contact_problem.md).
+// Formulas of the textbook chapter about speed, where their printed form is wrong (README.md beside this file).
 // Here: (c) and (d) rates, (i) the chain of 100 bodies, (n) the step of a block. Numbers of (c), (d) and (i) that are
 // written as decimals were measured by a separate program. It sweeps in the order of the rows.
 

@@ -12,7 +12,7 @@
 
 // Formulas of the textbook chapter the project grew from, where their printed form is wrong. What the library does
 // agrees with the corrected form and disagrees with the printed one. Letters are those of
-// docs/math/contact_problem.md. Here: (a) the step, (b) Lemke's tableau, (j) quadratic programmes, (k) islands.
+// README.md beside this file. Here: (a) the step, (b) Lemke's tableau, (j) quadratic programmes, (k) islands.
 
 namespace {
 
