@@ -2,8 +2,9 @@
 """Builds the documentation's site from the Markdown of the checkout, and fails on a link that leads nowhere.
 
 Every page keeps its path. A link to a source file leads to a page that shows it. A link to a folder leads to its
-README or a list of its files. The navigation is docs/index.md's: its sections and their tables. Beside each page lies
-its Markdown, and llms.txt lists them. The Python package's interface is written out from its docstrings, those of C++ and
+README or a list of its files. The navigation is docs/index.md's: its sections and their tables, on the left of every
+page. A formula (a fence of language math, as GitHub has it) becomes MathML, which browsers draw by themselves. Beside
+each page lies its Markdown, and llms.txt lists them. The Python package's interface is written out from its docstrings, those of C++ and
 C from the comments of their headers (tools/api_reference.py).
 
     tools/build_site.py FOLDER [--stage FOLDER]      the site; the pages it is built from (default: FOLDER-pages)
@@ -25,6 +26,7 @@ import urllib.parse
 
 import api_reference
 import griffe
+import latex2mathml.converter
 import yaml
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
@@ -36,7 +38,20 @@ HIDDEN = "---\nsearch:\n  exclude: true\n---\n\n"
 FIRST = "---\nsearch:\n  boost: 8\n---\n\n"  # a name is looked for where it is described
 API = "docs/python_api.md"
 ARENA = ("bench/arena/page.py", "bench/results/amd-epyc-2-cores/arena.json")  # what makes the leaderboard, and of what
-STYLE = ".md-typeset td:first-child code { word-break: normal; }\n"  # names of fields stay whole on a phone
+FORMULA = re.compile(r"^ {0,3}```math\n(.*?)^ {0,3}```$", re.M | re.S)
+TAG = re.compile(r"\\tag\{([^}]*)\}")
+PAGE_NAME = re.compile(r"[\w./-]+\.md")
+STYLE = """
+.formula { display: flex; align-items: center; overflow-x: auto; margin: 1em 0; }
+.formula math { margin: 0 auto; }
+.md-typeset td:first-child code { word-break: normal; }
+@media screen and (max-width: 44.984375em) {
+  .md-typeset table:not([class]) { font-size: .58rem; }
+  .md-typeset table:not([class]) :is(td, th) { min-width: 0; padding: .5em .6em; }
+  .md-typeset table:not([class]) td code { font-size: .95em; padding: 0 .1em; }
+  .md-typeset table:not([class]) td:not(:first-child) code { word-break: break-word; }
+}
+"""  # tables of a few columns fit a phone, and names of fields stay whole; wider ones scroll
 
 
 def tracked(pattern):
@@ -75,9 +90,18 @@ class Stage:
         def turned(match):
             if any(begin <= match.start() < end for begin, end in code):
                 return match.group()
-            return match.group(1) + self._target(path, match.group(2)) + match.group(3)
+            target = self._target(path, match.group(2))
+            return f"{self._named(path, match.group(1), match.group(2))}{target}{match.group(3)}"
 
-        self.write(path, LINK.sub(turned, text))
+        self.write(path, FORMULA.sub(lambda match: formula(match.group(1)), LINK.sub(turned, text)))
+
+    @staticmethod
+    def _named(page, opening, target):
+        """The link's text. The name of a page's file becomes the page's title."""
+        there = posixpath.normpath(posixpath.join(posixpath.dirname(page), target.partition("#")[0]))
+        if PAGE_NAME.fullmatch(opening[1:-2]) and there.endswith(".md") and (ROOT / there).is_file():
+            return f"[{title_of(there)}]("
+        return opening
 
     def _target(self, page, target):
         """The link's target as the site has it; what it leads to is staged."""
@@ -99,7 +123,8 @@ class Stage:
         if readme not in self._shown:
             self._shown.add(readme)
             names = sorted(name for name in tracked(folder) if "/" not in name[len(folder) + 1:])
-            rows = "\n".join(f"- [{posixpath.basename(name)}]({posixpath.basename(self._linked(name))})" for name in names)
+            rows = "\n".join(f"- [{title_of(name) if name.endswith('.md') else posixpath.basename(name)}]"
+                             f"({posixpath.basename(self._linked(name))})" for name in names)
             self.write(readme, f"{HIDDEN}# {folder}\n\n{rows}\n")
         return readme
 
@@ -135,9 +160,17 @@ def sections():
         for row in re.findall(r"^\| (\[.*?) \| (.*) \|$", body, re.M):
             for title, target in re.findall(r"\[([^\]]+)\]\(([^)]+)\)", row[0]):
                 path = posixpath.normpath(posixpath.join("docs", target.partition("#")[0]))
-                rows.append((re.sub(r"^.*/(?=.)|\.md$|/$", "", title), path, row[1]))
-        found.append((heading.strip(), rows))
+                rows.append((title, path, row[1]))
+        if rows:
+            found.append((heading.strip(), rows))
     return found
+
+
+def formula(latex):
+    """HTML of a formula, with its number on the right."""
+    number = TAG.search(latex)
+    mathml = latex2mathml.converter.convert(TAG.sub("", latex).strip(), display="block")
+    return f'<div class="formula">{mathml}{f"<span>({number.group(1)})</span>" if number else ""}</div>'
 
 
 def title_of(path):
@@ -166,13 +199,13 @@ def navigation(references):
     nav = [{"Home": "README.md"}, {"All pages": "docs/index.md"}]
     for heading, rows in sections():
         pages = []
-        for _, path, _ in rows:
+        for title, path, _ in rows:
             if (ROOT / path).is_dir():
-                pages.append({path.rpartition("/")[2].capitalize(): [
+                pages.append({title: [
                     {title_of(page): page} for page in sorted(tracked(f"{path}/*.md"))
                     if page.count("/") == path.count("/") + 1 and "NNNN" not in page]})
-            elif {title_of(path): path} not in pages:
-                pages.append({title_of(path): path})
+            elif {title: path} not in pages:
+                pages.append({title: path})
         if heading == "Reference":
             pages = [{"Python, every name": API}, *map(headers_of, references), *pages]
         nav.append({heading: pages})
@@ -211,15 +244,15 @@ def undocumented():
 def api_page():
     """One directive for each module."""
     parts = [f"## {name}\n\n::: {name}\n    options:\n      heading_level: 3\n" for name in modules()]
-    return "# The Python package, every name\n\nWith examples: [python.md](python.md).\n\n" + "\n".join(parts)
+    return "# The Python package, every name\n\nWith examples: [Python](python.md).\n\n" + "\n".join(parts)
 
 
 def configuration(stage, site, references):
     return {
         "site_name": "stiction", "docs_dir": str(stage), "site_dir": str(site), "use_directory_urls": False,
         "site_description": "A library of contact solvers for thousands of simulated robots at once",
-        "theme": {"name": "material", "font": False, "features": ["navigation.tabs", "navigation.top", "content.code.copy",
-                                                                 "search.highlight", "toc.follow"],
+        "theme": {"name": "material", "font": False, "features": ["navigation.top", "content.code.copy", "search.highlight",
+                                                                 "toc.follow"],
                   "palette": [{"media": "(prefers-color-scheme: light)", "scheme": "default"},
                               {"media": "(prefers-color-scheme: dark)", "scheme": "slate"}]},
         # Words end where C++ and Python end names: "solve" finds Solver::solve.
