@@ -81,7 +81,7 @@ void check_outputs(const SolveArguments& arguments) {
 void check_form(const SolveArguments& arguments) {
   if (arguments.preconditioner && !is_bodies(arguments))
     throw Error(ErrorCode::invalid_argument,
-                fmt::format("--preconditioner {}: it is that of bodies: choose --form bodies --solver newton",
+                fmt::format("--preconditioner {} applies to bodies only: choose --form bodies --solver newton",
                             *arguments.preconditioner));
   if (!takes_jacobian(arguments)) return;
   if (is_bodies(arguments)) {

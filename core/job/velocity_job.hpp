@@ -14,8 +14,8 @@ struct VelocityResult {
   bool is_rounding = false;  ///< of what is answered: it is not solved, and roundings are all that is left
 };
 
-/// Where an environment's numbers are. Of a part (dof_islands.hpp), `dof` and `cone` list what belongs to it; else they
-/// are null, and all does.
+/// Pointers into the batch. For a sub-problem (dof_islands.hpp), `dof` and `cone` list its members; for a whole
+/// environment both are null.
 template <class Real>
 struct LaneEnv {
   Offset env = -1;  ///< -1: the lane has none

@@ -108,7 +108,7 @@ class CpuContactMachine final : public ContactMachine {
     });
   }
 
-  /// Turn by turn, each from the answer so far, those environments that have come to it (docs/math/auto.md).
+  /// Runs the fallback chain (docs/math/auto.md): each stage restarts its environments from the current answer.
   template <class Real>
   void run_fallbacks(const SolveRequest<Real>& request, cpu::Job<Real> job) const {
     const Offset envs = request.batch.env_count;

@@ -165,8 +165,8 @@ void Engine::queue_classes(const SolveRequest<Real>& request, const SolveJob<Rea
   }
 }
 
-/// Turn by turn, each from the answer so far, those environments that have come to it (docs/math/auto.md). Which they
-/// are is decided on the device.
+/// Queues the fallback chain (docs/math/auto.md): each stage restarts its environments from the current answer. The
+/// device decides which environments a stage gets.
 template <class Real>
 void Engine::queue_fallbacks(const SolveRequest<Real>& request, SolveJob<Real> job) {
   const StreamHandle stream = request.stream.handle();

@@ -25,7 +25,7 @@ class Letter {
   template <class T>
   T take() {
     static_assert(std::is_trivially_copyable_v<T>);
-    if (bytes_.size() - read_ < sizeof(T)) throw RankLost("a message is shorter than what it says that it holds");
+    if (bytes_.size() - read_ < sizeof(T)) throw RankLost("a message is truncated");
     T value;
     std::memcpy(&value, bytes_.data() + read_, sizeof(T));
     read_ += sizeof(T);

@@ -6,8 +6,8 @@
 #include "core/algorithm/derivative/vjp.hpp"
 #include "core/algorithm/velocity/solve_pack.hpp"
 
-/// Cotangents of compliant environments of J and M pulled back side by side (docs/math/derivative.md, "In lanes"). What
-/// is not answered here is left to who takes environments one by one.
+/// Cotangents of compliant environments of J and M pulled back side by side (docs/math/derivative.md, "In lanes"). The
+/// scalar path solves environments that this one rejects.
 namespace stiction::inline STICTION_ISA {
 
 /// Squares of how far an adjoint velocity may be off: it is refined above the first, and is no answer above the second.

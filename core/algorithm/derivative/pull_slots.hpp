@@ -7,7 +7,7 @@
 namespace stiction::inline STICTION_ISA {
 
 /// Cones of several environments in one order that has each environment's own order in it: runs of cones with as many
-/// rows. What an environment has not is a gap in its lane. An order of sums is then the environment's alone.
+/// rows. Missing cones are gaps in the lane. The order of sums then follows from the environment alone.
 class PullSlots {
  public:
   static constexpr Index kMostRuns = 16;

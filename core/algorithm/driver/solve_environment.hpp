@@ -23,8 +23,8 @@ STICTION_HD constexpr Index chunk_of() {
   }
 }
 
-/// What follows a chunk's last iteration, with `phase` as below. Motion is recomputed where it is due, the iterate is
-/// recorded in the lanes of `due`, and the method does whatever else it does there.
+/// Ends a chunk, with `phase` as below. Refreshes the motion where that is due; in the lanes of `due`, records the
+/// iterate and takes the method's subspace step.
 template <class Method, Law kLaw, Team TeamT, class System>
 STICTION_HD void end_chunk(TeamT& team, System& s, typename System::Real phase, Mask<typename System::Real> due) {
   using Real = typename System::Real;

@@ -81,8 +81,8 @@ struct Npgs {
     return {Real(nesterov_step(Scalar<Real>(1)).next), Real(0)};
   }
 
-  /// Moves the iterate on along its last change. Returns the step of the next iteration if there is no restart. It is
-  /// found so early that the sweep hides its root and its quotient.
+  /// Moves the iterate on along its last change. Returns the step of the next iteration if there is no restart. Its
+  /// root and quotient are computed here so that they overlap with the sweep.
   template <Team TeamT, class System, class Real = typename System::Real>
   static STICTION_HD NesterovStep<Real> extrapolate(TeamT& team, System& s) {
     const auto x_before = s.vector(0);

@@ -33,8 +33,8 @@ struct PackLists {
   static_assert(alignof(OneSlot) <= alignof(Offset) && alignof(Item) <= alignof(Offset));
 };
 
-/// Whether a large part is better solved so than by A. A step's multiplications are the squares of rows of the factor
-/// and of J, a sweep's on A the square of its rows. Both are found from the pattern.
+/// Returns true if Newton's method in velocities is cheaper for a large part than a sweep on A. A step multiplies the
+/// squares of row lengths of the factor and of J, a sweep the square of A's rows. Both follow from the pattern.
 template <int kLanes, class Set>
 STICTION_HD bool pays_when_large(const DofTree<Set>& tree, const Slot<kLanes, Set>* slots, const SlotCounts& counts) {
   Offset step = 0;

@@ -4,7 +4,7 @@
     solution = solver.solve(batch, guess=guess, ids=ids)          # every step of a simulation loop
     guess.chosen                                                  # which candidate each environment started from
 
-A guess is only a guess: what is called solved is the residual's business, and no candidate can spoil an answer.
+`solved` depends only on the residual, so no candidate can spoil an answer.
 """
 
 from __future__ import annotations

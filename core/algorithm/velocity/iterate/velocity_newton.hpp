@@ -8,7 +8,7 @@
 #include "core/algorithm/velocity/iterate/warm_guess.hpp"
 
 /// Newton's method in velocities for the environments in the lanes of a pack (docs/math/velocity_newton.md). A lane's
-/// numbers depend on its environment alone: what the others make it do as well is to add exact zeros, and to wait.
+/// numbers depend on its environment alone: other lanes only add exact zeros and idle iterations.
 namespace stiction::inline STICTION_ISA {
 
 template <class Types>
