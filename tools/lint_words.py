@@ -28,6 +28,9 @@ PERSON = re.compile(r"\b(who" r"ever|who" r"m|no" r"body|some" r"body|every" r"b
 # A reader comes to a declaration by name, not from the one above it.
 NO_SUBJECT = re.compile(r"\s*(?:///|/\*\*) (The same|Both|Else|All else)\b")
 MAX_WORDS = 25  # of a sentence, in pages, comments and docstrings
+# A sentence of the manual begins with its subject, not with a clause that stands in for it.
+HEADLESS = re.compile(r"[\W_]*(What|Whether|Where|Of|That|Those|Who)\b(?!['’])")
+MANUAL = re.compile(r"docs/")
 MAX_COLUMNS = 120  # of prose; tables, pictures and code are as wide as they are
 WIDE = re.compile(r"\||!\[|```|    |\t|\S+$")
 GENERATED = re.compile(r"bench/results/.+/")
@@ -77,6 +80,9 @@ def problems_of(path, text):
     if not GENERATED.match(path):
         found += [f"{path}:{number}: a sentence of {words} words, '{sentence[:60]}...'; it has at most {MAX_WORDS}"
                   for number, words, sentence in sentences.long_sentences(path, text, MAX_WORDS)]
+    if MANUAL.match(path) and suffix == ".md":
+        found += [f"{path}:{number}: a sentence begins with '{HEADLESS.match(sentence).group(1)}'; begin with its subject"
+                  for number, sentence in sentences.sentences_of(path, text) if HEADLESS.match(sentence)]
     lines = text.count("\n")
     if suffix in CODE and path not in LONG_TABLES and lines > MAX_LINES:
         found.append(f"{path}:{lines}: {lines} lines; a file holds one idea in at most {MAX_LINES}")
@@ -127,6 +133,9 @@ def sentence_cases():
         ("a.py", f'"""{words(26)}"""\n', 1),
         ("a.py", f"x = 1\n# {words(26, '# ')}\n", 1),
         ("bench/results/here/a.md", words(26) + "\n", 0),
+        ("docs/a.md", "What is left is zero. It is left.\n\n| Of a row |\n", 2),
+        ("docs/a.md", "Whatever is left is zero. It says where.\n\n    That is code.\n", 0),
+        ("a.md", "What is left is zero.\n", 0),
     ]
 
 

@@ -157,6 +157,11 @@ def word_count(sentence):
     return sum(any(c.isalnum() for c in token) for token in sentence.split())
 
 
+def sentences_of(path, text):
+    """Pairs (line number, sentence) of a file."""
+    return [(number, sentence) for number, unit in units_of(path, text) for sentence in sentences(unit)]
+
+
 def long_sentences(path, text, max_words):
     """Triples (line number, words, sentence) of a file's sentences of more than `max_words` words."""
     return [(number, word_count(sentence), sentence) for number, unit in units_of(path, text)
