@@ -23,7 +23,7 @@ def find(tool):
     for program in (shutil.which(tool, path=str(pathlib.Path(sys.executable).parent)), shutil.which(tool)):
         if program:
             text = subprocess.run([program, "--version"], capture_output=True, text=True, check=False).stdout
-            if re.search(rf"version {re.escape(pinned(tool))}\b", text):
+            if re.search(rf"(^|version ){re.escape(pinned(tool))}\b", text):
                 return program
     return None
 
