@@ -272,9 +272,11 @@ STICTION_HD Verdict judge(const FinalResidual& found, double scale, const Allowa
   const double relative = div_(max_(found.stuck, movable), scale);
   verdict.relative = relative == relative ? relative : __builtin_huge_val();
   verdict.absolute = counts && found.rounding_floor > found.absolute ? found.rounding_floor : found.absolute;
-  verdict.is_solved = (finite_(verdict.relative) && verdict.relative <= allowed.tolerance) ||
-                      (verdict.absolute <= allowed.absolute && finite_(verdict.absolute));
-  verdict.is_infeasible = !verdict.is_solved && found.stuck > movable && div_(movable, scale) <= allowed.tolerance;
+  verdict.is_solved =
+      finite_(verdict.absolute) &&
+      ((finite_(verdict.relative) && verdict.relative <= allowed.tolerance) || verdict.absolute <= allowed.absolute);
+  verdict.is_infeasible =
+      !verdict.is_solved && finite_(found.stuck) && found.stuck > movable && div_(movable, scale) <= allowed.tolerance;
   const double rounding = kUnitRoundoff<Real> * found.reaction;
   verdict.is_rounding = !verdict.is_solved && most > 0.0 && finite_(verdict.relative) && found.stuck <= movable &&
                         (is_hidden || (rounding > most && found.residual <= kRoundingReach * rounding));
