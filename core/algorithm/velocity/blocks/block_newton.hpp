@@ -232,7 +232,7 @@ class BlockNewton {
     return {terms_.unknowns(), n_.force, n_.step, n_.gradients, tolerance, kMostGradientSteps};
   }
 
-  /// The warm start's reactions as the centre, if they are a start.
+  /// The warm start's reactions as the centre, if it can start from them.
   STICTION_HD_OUTLINE bool load_reactions() {
     std::uint32_t broken = 0;
     for_each(team_, env_.rows, [&](Index row) {
