@@ -66,7 +66,7 @@ void weigh_cones_of(const EnvView<Real>& env, const ConeCounts& slots, const Pac
   });
 }
 
-/// Free rows without a positive diagonal weigh as cone_metric() has it. Their cones come first, of one row each.
+/// Free rows without a positive diagonal weigh as cone_answer() has it. Their cones come first, of one row each.
 template <class Real, int W>
 void weigh_bare_rows(const EnvView<Real>& env, const ConeCounts& slots, const PackWorkspace<Real, W>& workspace,
                      int lane) {
