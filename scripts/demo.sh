@@ -14,7 +14,7 @@ make_venv "$root/tools/requirements-pictures.txt"
 find_nvcc
 
 say "build"
-# For this machine: its own instruction set and the baseline. A build that is there already keeps its options.
+# For this machine's instruction set alone. A build that is there already keeps its options.
 options=()
 if [ ! -f "$build/build.ninja" ]; then
   options=(-DSTICTION_CPU_KERNELS=native -DSTICTION_BUILD_TESTS=OFF -DSTICTION_BUILD_BENCH=OFF -DSTICTION_BUILD_EXAMPLES=OFF
