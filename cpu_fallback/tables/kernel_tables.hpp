@@ -7,6 +7,22 @@
 
 namespace stiction::cpu {
 
+/// One table for each precision.
+template <template <class> class Table>
+struct ByPrecision {
+  Table<float> f32;
+  Table<double> f64;
+
+  template <class Real>
+  [[nodiscard]] const Table<Real>& of() const {
+    if constexpr (std::is_same_v<Real, float>) {
+      return f32;
+    } else {
+      return f64;
+    }
+  }
+};
+
 /// One table for each precision and law.
 template <template <class> class Table>
 struct ByPrecisionAndLaw {

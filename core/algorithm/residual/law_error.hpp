@@ -58,12 +58,6 @@ STICTION_HD AxisWeights<Real> unit_axis_weights(Real d_n, Real unit_d, Real mu) 
   return axis_weights_of(moves, press, mu);
 }
 
-/// A law as the type of an argument.
-template <Law kLaw>
-struct LawConstant {
-  static constexpr Law value = kLaw;
-};
-
 /// A bound as a motion: of a row that cannot move all that are not infinite are zero.
 template <class Real>
 STICTION_HD Real bound_as_motion(Real a, Real bound) {
