@@ -21,9 +21,9 @@ struct AdjointWorkspace : VelocityWorkspace<Types> {
 
   // Arrays of a solve that are something else here.
   /// Of a slot's first row: -1 where the lane has no such cone, 1 where the row is unilateral   (rows)
-  [[nodiscard]] STICTION_HD const typename Base::Numbers& marks() const { return this->held; }
-  [[nodiscard]] STICTION_HD const typename Base::Numbers& lambda_bar() const { return this->line; }
-  [[nodiscard]] STICTION_HD const typename Base::Numbers& w_bar() const { return this->bent; }
+  [[nodiscard]] STICTION_HD const typename Base::Numbers& marks() const { return this->prox_center; }
+  [[nodiscard]] STICTION_HD const typename Base::Numbers& lambda_bar() const { return this->Jp; }
+  [[nodiscard]] STICTION_HD const typename Base::Numbers& w_bar() const { return this->GJp; }
   [[nodiscard]] STICTION_HD const typename Base::Numbers& v_bar() const { return this->step; }
 
   static STICTION_HD constexpr Offset own_doubles(const SlotCounts& counts, Index dofs, Index tree_entries) {
