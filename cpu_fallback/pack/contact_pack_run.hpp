@@ -255,8 +255,7 @@ Offset one_elements(const cpu::Job<Real>& job, Offset env) {
   return SparseSystem<Real>::elements(view.n, view.cone_count, view.entry_span(), workspace);
 }
 
-/// Environments one by one are solved by one text for both laws: what takes their time asks for the law once a sweep,
-/// or not at all.
+/// Solves one environment, under either law: what takes the time asks for the law once a sweep, or not at all.
 template <class Method, class Real>
 void solve_one(const cpu::Job<Real>& job, Offset env, Real* scratch) {
   const StopRule rule = stop_rule(job, env);
