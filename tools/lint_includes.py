@@ -155,8 +155,8 @@ WORDS = [
 ]
 
 
-def strip_comments(text):
-    """Blanks comments and string contents, keeping line numbers and #include paths."""
+def strip_comments(text, keep_strings=False):
+    """Blanks comments and, unless they are kept, string contents, keeping line numbers and #include paths."""
     out = []
     i, n = 0, len(text)
     while i < n:
@@ -180,7 +180,7 @@ def strip_comments(text):
                 while end < n and text[end] not in '"\n':
                     end += 2 if text[end] == "\\" else 1
                 end += 1
-            out.append('""' + "\n" * text.count("\n", i, min(end, n)))
+            out.append(text[i:end] if keep_strings else '""' + "\n" * text.count("\n", i, min(end, n)))
             i = end
         else:
             out.append(text[i])

@@ -9,7 +9,6 @@ namespace {
 constexpr std::uint64_t kChunkedLayout = 2;
 constexpr std::uint64_t kMaxRank = 32;
 constexpr std::uint64_t kMaxFilters = 32;
-constexpr std::uint64_t kUndefinedAddress = UINT64_MAX;
 constexpr std::size_t kAddress = 8;  ///< bytes of an address: files with others are refused
 
 std::string layout_defect(std::span<const char> message, ObjectShape& shape) {

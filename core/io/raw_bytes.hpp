@@ -8,6 +8,9 @@
 
 namespace stiction::io {
 
+/// HDF5's address of what there is not.
+inline constexpr std::uint64_t kUndefinedAddress = UINT64_MAX;
+
 /// The bytes of a file, at any place.
 class RawBytes {
  public:

@@ -11,7 +11,6 @@ constexpr std::size_t kRead = 100;         ///< bytes of a superblock that hold 
 constexpr std::uint64_t kUserBlock = 512;  ///< the smallest; a file begins behind this many bytes times a power of two
 constexpr unsigned kLastVersion = 3;
 constexpr std::uint64_t kCachedNames = 1;  ///< kind of the root's entry
-constexpr std::uint64_t kUndefinedAddress = UINT64_MAX;
 
 /// Where the fields of a superblock lie, by its version. Extension 0: there is none.
 struct Fields {

@@ -6,15 +6,12 @@
 #include "core/base/extents.hpp"
 #include "core/machine/count_captured_call.hpp"
 #include "cuda/kernels/derivative_program.hpp"
+#include "cuda/machine/memory_limits.hpp"
 #include "stiction/error.hpp"
 
 namespace stiction::cuda {
 
 namespace {
-
-/// Most device memory for the scratch of all teams, unless a single one needs more.
-constexpr Offset kScratchBytes = Offset{1} << 29;
-constexpr Offset kTeamsPerProcessor = 16;
 
 /// What the largest environment of J and M takes beside, in either precision.
 Offset jacobian_doubles(const Capacity& capacity) {

@@ -8,8 +8,6 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// Iterations between two checks of the residual. Part of the numerics epoch: environments stop at multiples of it.
-inline constexpr Index kChunk = 4;
 static_assert(kRefreshInterval % kChunk == 0);
 
 /// Chunk of one method. An iteration of a method that factorises costs so much more than a check that it is checked

@@ -45,7 +45,6 @@ template <int M, class System>
 STICTION_HD auto convex_step(const System& s, Index cone, Index row, const typename System::Real (&y)[M],
                              typename System::Real omega) {
   using Real = typename System::Real;
-  constexpr int kLocalSteps = 2;
   ConeStep<Real, M> step;
   Real motion[M];
   for (int k = 0; k < M; ++k) {

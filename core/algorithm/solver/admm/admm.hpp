@@ -15,7 +15,7 @@ struct Admm {
     return {
         .f64_vectors = AdmmState::kVectors, .dense_matrices = 1, .matrix_free_vectors = AdmmState::kMatrixFreeVectors};
   }
-  static constexpr Index kChunk = 4;
+  static constexpr Index kChunk = stiction::kChunk;
   static STICTION_HD constexpr bool needs_symmetry(Law law) { return law == Law::convex; }
   template <class System>
   static constexpr bool kKeepsMotion = false;
