@@ -119,7 +119,7 @@ TABLE = [
     Row("scenes", [PUBLIC, "scenes", "core/base/fp_env.hpp", IO_PUBLIC]),
     # Programs around solvers of others; they know nothing of this project.
     Row("bench/peers", ["bench/peers"],
-        foreign=("Bullet", "dart/", "ode/", "signal.h", "sys/", "time.h", "unistd.h")),
+        foreign=("Bullet", "dart/", "signal.h", "sys/", "time.h", "unistd.h")),
     Row("bench/support", [PUBLIC, IO_PUBLIC, "bench/support", "scenes", "core/job/size_class.hpp"],
         foreign=("benchmark/", "Eigen/")),
     # What ranks send is counted where ranks are.

@@ -75,7 +75,7 @@ Call solve_lemke(const BoxedLcp& p) {
 int main(int count, char** words) {
   if (count != 6) engines::fail("usage: dart_solve SOLVER ITERATIONS SECONDS IN OUT");
   const std::string name = words[1];
-  if (name == "lemke") return engines::serve<BoxedLcp>(words, solve_lemke);
+  if (name == "lemke") return engines::serve(words, solve_lemke);
   std::unique_ptr<dart::constraint::BoxedLcpSolver> solver;
   const bool mixed = name == "dantzig_cfm";
   if (name == "dantzig" || mixed) solver = std::make_unique<dart::constraint::DantzigBoxedLcpSolver>();
@@ -86,5 +86,5 @@ int main(int count, char** words) {
   }
   if (!solver) engines::fail("no such solver");
   const double mixing = mixed ? dart::constraint::ContactConstraint::getConstraintForceMixing() : 0;
-  return engines::serve<BoxedLcp>(words, [&](const BoxedLcp& p) { return solve_boxed(*solver, p, mixing); });
+  return engines::serve(words, [&](const BoxedLcp& p) { return solve_boxed(*solver, p, mixing); });
 }

@@ -1,4 +1,4 @@
-"""Physics engines by way of bullet_solve.cpp, dart_solve.cpp and ode_solve.cpp, compiled into a folder of one's choice."""
+"""Physics engines by way of bullet_solve.cpp and dart_solve.cpp, compiled into a folder of one's choice."""
 
 import pathlib
 import shlex
@@ -10,9 +10,7 @@ HERE = pathlib.Path(__file__).resolve().parent
 # Name: source, pkg-config module, what to link where pkg-config names more than is needed.
 PROGRAMS = {
     "Bullet f64": ("bullet_solve.cpp", "bullet-float64", None),
-    "Bullet f32": ("bullet_solve.cpp", "bullet", None),
     "DART": ("dart_solve.cpp", "dart", ["-ldart", "-ldart-external-odelcpsolver"]),
-    "ODE": ("ode_solve.cpp", "ode", None),
 }
 SOLVED, LATE, CRASHED = 0, -1, -2
 

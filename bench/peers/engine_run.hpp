@@ -20,8 +20,8 @@
 ///
 ///     PROGRAM SOLVER ITERATIONS SECONDS IN OUT
 ///
-/// IN is little-endian: int64 environments, then for each one of the two forms below; a SOLVER takes one of them. OUT
-/// has for each environment:
+/// IN is little-endian: int64 environments, then for each int64 rows and the fields of a BoxedLcp. OUT has for each
+/// environment:
 ///
 /// * int64 how (0: the engine calls it solved, 1: it does not, -1: out of time, -2: it crashed);
 /// * double seconds of the solving call, double seconds of what the engine forms before and after;
@@ -42,24 +42,6 @@ struct BoxedLcp {
   std::vector<double> A, b, lo, hi;  // A by rows  (rows * rows, rows, rows, rows)
   std::vector<std::int64_t> findex;  // (rows)
   int rows() const { return static_cast<int>(b.size()); }
-};
-
-/// World axes, except `principal`, the moments about the columns of `axes`. 3 x 3 by rows.
-struct Body {
-  double mass, inertia[9], principal[3], axes[9], position[3];
-  double twist[6];  ///< that the step would end with if there were no contacts
-};
-
-/// Between bodies a and b, -1 is the world. The reaction (n, t1, t2) acts on b; a gets the opposite.
-struct Contact {
-  std::int64_t a, b;
-  double point[3], normal[3], t1[3], t2[3], mu;
-};
-
-struct Scene {
-  std::vector<Body> bodies;
-  std::vector<Contact> contacts;
-  int rows() const { return 3 * static_cast<int>(contacts.size()); }
 };
 
 /// What one call leaves. Times in seconds.
@@ -117,12 +99,6 @@ inline void read(std::FILE* in, BoxedLcp& p) {
   p.findex = take<std::int64_t>(in, n);
 }
 
-inline void read(std::FILE* in, Scene& scene) {
-  const std::vector<std::int64_t> counts = take<std::int64_t>(in, 2);
-  scene.bodies = take<Body>(in, static_cast<std::size_t>(counts[0]));
-  scene.contacts = take<Contact>(in, static_cast<std::size_t>(counts[1]));
-}
-
 inline double median(std::vector<double> values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());
@@ -130,8 +106,8 @@ inline double median(std::vector<double> values) {
 }
 
 /// Warm-up, then calls until the time is used; without time the first call is all.
-template <class Problem, class Solve>
-Call timed(const Problem& problem, double seconds, const Solve& solve) {
+template <class Solve>
+Call timed(const BoxedLcp& problem, double seconds, const Solve& solve) {
   Call last = solve(problem);
   if (seconds <= 0) return last;
   const double first = last.solve + last.form;
@@ -151,8 +127,8 @@ struct Record {
   double solve, form, reaction[1];
 };
 
-template <class Problem, class Solve>
-void solve_apart(const Problem& problem, double seconds, const Solve& solve, std::FILE* out) {
+template <class Solve>
+void solve_apart(const BoxedLcp& problem, double seconds, const Solve& solve, std::FILE* out) {
   const auto rows = static_cast<std::size_t>(problem.rows());
   const std::size_t size = offsetof(Record, reaction) + sizeof(double) * rows;
   void* memory = mmap(nullptr, size, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
@@ -183,14 +159,14 @@ void solve_apart(const Problem& problem, double seconds, const Solve& solve, std
 }
 
 /// Solves every environment of the input by `solve(problem)`.
-template <class Problem, class Solve>
+template <class Solve>
 int serve(char** words, const Solve& solve) {
   std::FILE* in = std::fopen(words[4], "rb");
   std::FILE* out = std::fopen(words[5], "wb");
   if (!in || !out) fail("a file cannot be opened");
   const std::int64_t environments = take<std::int64_t>(in, 1)[0];
   for (std::int64_t e = 0; e < environments; ++e) {
-    Problem problem;
+    BoxedLcp problem;
     read(in, problem);
     solve_apart(problem, number<double>(words[3]), solve, out);
   }

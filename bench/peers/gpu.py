@@ -42,7 +42,7 @@ import systems  # noqa: E402
 import torch  # noqa: E402
 import torch_peers  # noqa: E402
 from padded import Padded  # noqa: E402
-from roster import JUDGE, SLACK, law_of, load_judge  # noqa: E402
+from measure import JUDGE, SLACK, law_of, load_judge  # noqa: E402
 
 import stiction  # noqa: E402
 

@@ -41,7 +41,7 @@ import mujoco  # noqa: E402
 import mujoco_peer  # noqa: E402
 import systems  # noqa: E402
 from arrays import jacobian_batch, matrix_batch  # noqa: E402
-from roster import JUDGE, SLACK, law_of, load_judge  # noqa: E402
+from measure import JUDGE, SLACK, law_of, load_judge  # noqa: E402
 
 import stiction  # noqa: E402
 
@@ -216,7 +216,7 @@ def best(rows, **wanted):
 
 
 def told(rows):
-    """The rows that the tables of report() and summary.py tell. For each robot, form, start and goal they are the fastest
+    """The rows that the table of report() tells. For each robot, form, start and goal they are the fastest
     of ours against each of theirs, and auto in f64."""
     races = {}
     for row in rows:

@@ -38,15 +38,12 @@ class Environment:
         return (self.offsets + np.arange(self.rows + 1), np.insert(self.columns, starts, np.arange(self.rows)),
                 np.insert(self.values, starts, self.compliance))
 
-    def symmetric(self):
-        """The environment with (A + A')/2 for A."""
-        here = np.repeat(np.arange(self.rows), np.diff(self.offsets))
-        keys = np.concatenate((here * self.rows + self.columns, self.columns * self.rows + here))
-        found, at = np.unique(keys, return_inverse=True)
-        values = np.bincount(at, np.tile(self.values / 2, 2), len(found))
-        counts = np.bincount(found // self.rows, minlength=self.rows)
-        return dataclasses.replace(self, offsets=np.concatenate(([0], np.cumsum(counts))), columns=found % self.rows,
-                                   values=values)
+    def dense(self):
+        """A + diag R."""
+        offsets, columns, values = self.with_compliance()
+        matrix = np.zeros((self.rows,) * 2)
+        np.add.at(matrix, (np.repeat(np.arange(self.rows), np.diff(offsets)), columns), values)
+        return matrix
 
 
 def read_environments(path):
