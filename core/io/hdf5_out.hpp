@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "core/io/hdf5_session.hpp"
+#include "core/io/guard/hdf5_session.hpp"
 #include "stiction/types.hpp"
 
 namespace stiction::io {

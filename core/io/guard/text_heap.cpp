@@ -1,4 +1,4 @@
-#include "core/io/text_heap.hpp"
+#include "core/io/guard/text_heap.hpp"
 
 #include <algorithm>
 #include <cstring>

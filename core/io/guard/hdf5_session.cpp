@@ -1,4 +1,4 @@
-#include "core/io/hdf5_session.hpp"
+#include "core/io/guard/hdf5_session.hpp"
 
 namespace stiction::io {
 namespace {

@@ -1,4 +1,4 @@
-#include "core/io/name_heap_check.hpp"
+#include "core/io/guard/name_heap_check.hpp"
 
 #include <cstring>
 

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <span>
 
-#include "core/io/raw_bytes.hpp"
+#include "core/io/guard/raw_bytes.hpp"
 
 namespace stiction::io {
 

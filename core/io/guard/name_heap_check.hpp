@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <string>
 
-#include "core/io/raw_bytes.hpp"
+#include "core/io/guard/raw_bytes.hpp"
 
 namespace stiction::io {
 

@@ -1,4 +1,4 @@
-#include "core/io/header_check.hpp"
+#include "core/io/guard/header_check.hpp"
 
 #include <cstring>
 #include <deque>
@@ -6,9 +6,9 @@
 #include <span>
 #include <vector>
 
-#include "core/io/cursor.hpp"
-#include "core/io/message_check.hpp"
-#include "core/io/name_heap_check.hpp"
+#include "core/io/guard/cursor.hpp"
+#include "core/io/guard/message_check.hpp"
+#include "core/io/guard/name_heap_check.hpp"
 
 namespace stiction::io {
 namespace {

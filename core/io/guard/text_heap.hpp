@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "core/io/raw_bytes.hpp"
+#include "core/io/guard/raw_bytes.hpp"
 
 namespace stiction::io {
 

@@ -1,4 +1,4 @@
-#include "core/io/inflated_size.hpp"
+#include "core/io/guard/inflated_size.hpp"
 
 #include <cstddef>
 #include <vector>

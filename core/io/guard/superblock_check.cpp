@@ -1,7 +1,7 @@
 #include <cstring>
 
-#include "core/io/header_check.hpp"
-#include "core/io/name_heap_check.hpp"
+#include "core/io/guard/header_check.hpp"
+#include "core/io/guard/name_heap_check.hpp"
 
 namespace stiction::io {
 namespace {

@@ -1,7 +1,7 @@
-#include "core/io/message_check.hpp"
+#include "core/io/guard/message_check.hpp"
 
-#include "core/io/cursor.hpp"
-#include "core/io/datatype_check.hpp"
+#include "core/io/guard/cursor.hpp"
+#include "core/io/guard/datatype_check.hpp"
 
 namespace stiction::io {
 namespace {

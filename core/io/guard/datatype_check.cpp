@@ -1,7 +1,7 @@
-#include "core/io/datatype_check.hpp"
+#include "core/io/guard/datatype_check.hpp"
 
-#include "core/io/cursor.hpp"
-#include "core/io/text_heap.hpp"
+#include "core/io/guard/cursor.hpp"
+#include "core/io/guard/text_heap.hpp"
 
 namespace stiction::io {
 namespace {

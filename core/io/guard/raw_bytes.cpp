@@ -1,4 +1,4 @@
-#include "core/io/raw_bytes.hpp"
+#include "core/io/guard/raw_bytes.hpp"
 
 #include <cstring>
 
