@@ -29,11 +29,10 @@ if [ -n "${QUICK:-}" ]; then
   exit
 fi
 if cmake --build "$build" --target help | grep -q bench_warm_start; then  # not without HDF5
-  cmake --build "$build" --target bench_warm_start bench_classes bench_derivative bench_derivative_errors
+  cmake --build "$build" --target bench_warm_start bench_classes bench_derivative
   "$build/bench/bench_warm_start" --csv "$results/warm_start.csv"
   "$build/bench/bench_classes" --csv "$results/classes.csv"
   "$build/bench/bench_derivative" --csv "$results/derivative.csv"
-  "$build/bench/bench_derivative_errors" --csv "$results/derivative_errors.csv"
 fi
 "$build/bench/bench_bodies" --csv "$results/bodies.csv"
 "$build/bench/bench_body_newton" --csv "$results/body_newton.csv"

@@ -124,9 +124,6 @@ TABLE = [
         foreign=("Bullet", "dart/", "signal.h", "sys/", "time.h", "unistd.h")),
     Row("bench/support", [PUBLIC, IO_PUBLIC, "bench/support", "scenes", "core/job/size_class.hpp"],
         foreign=("benchmark/", "Eigen/")),
-    # What ranks send is counted where ranks are.
-    Row("bench/programs/bench_consensus.cpp", [PUBLIC, "scenes", "bench", "distributed"]),
-    Row("bench/programs/bench_domain_newton.cpp", [PUBLIC, "scenes", "bench", "distributed"]),
     Row("bench/programs", [PUBLIC, IO_PUBLIC, "scenes", "bench"], foreign=("benchmark/",)),
     Row("examples", [PUBLIC, IO_PUBLIC]),
     Row("cli", [PUBLIC, IO_PUBLIC, "core/plan", "scenes", "cli"],
