@@ -16,7 +16,6 @@ import math
 import pathlib
 import re
 import sys
-import tempfile
 
 import lint_tools
 from lint_includes import strip_comments
@@ -136,7 +135,7 @@ def check_tree(root):
 def self_test():
     """Of a small tree that is clean, each planted definition is found."""
     clean = {
-        "core/algorithm/sweep/sweep.hpp": "inline constexpr int kSweeps = 48, kMost = 3072;\nconstexpr double kPart = 1e-2;\n",
+        "core/algorithm/sweep/sweep.hpp": "inline constexpr int kSweeps = 48, kMost = 3072;\nconstexpr double kPart = 1e-2, kSlope = 7e-2;\n",
         "core/algorithm/newton/loop.hpp": "/// kSweeps = 48 (docs/math/newton.md, (1) and (2)).\nstatic constexpr int kMine = kSweeps;\n"
                                           "template <class T> constexpr int kLanes = 1;\n",
         "cuda/kernels/warp.hpp": "constexpr int kLanes = 1;\nconstexpr Offset kBytes = Offset{1} << 29;\n",
@@ -148,37 +147,12 @@ def self_test():
         ("core/algorithm/newton/loop.hpp", 'constexpr const char* kInk = "#333";\nconstexpr const char* kInk = "#333";', "kInk"),
         ("core/algorithm/newton/loop.hpp", "constexpr Offset kBytes = Offset{1} << 29;", "kBytes = Offset{1}<<29"),
         ("core/algorithm/newton/loop.hpp", "constexpr int kA = 48, kB = 3'072;\nconstexpr double kC = 0.12, kD = 1e-2;", None),
+        ("distributed/b.hpp", "constexpr int kA = 48, kB = 3'072;\nconstexpr double kC = 0.07;",
+         "distributed/b.hpp:1: shares 3 constants with core/algorithm/sweep/sweep.hpp: kSlope = kC = 0.07, kSweeps = kA = 48"),
         ("docs/math/newton.md", "\n    a = b      (2)", "formula (2) is defined in line 4, too"),
         ("cuda/kernels/warp.hpp", "/// Steps (docs/math/newton.md, (1) to\n/// (3)).", "newton.md has no formula (3)"),
     ]
-    shared = ("constexpr int kA = 48, kB = 3'072;\nconstexpr double kC = 0.12;", "constexpr int kD = 48, kE = 3072;\nconstexpr double kF = 12e-2;")
-    failures = []
-    with tempfile.TemporaryDirectory() as folder:
-        root = pathlib.Path(folder)
-
-        def write(path, text):
-            (root / path).parent.mkdir(parents=True, exist_ok=True)
-            (root / path).write_text(text, encoding="utf-8")
-
-        def expect(what, sentence):
-            problems = check_tree(root)[1]
-            if len(problems) != (sentence is not None) or any(sentence not in problem for problem in problems):
-                failures.append(f"{what}: got {problems or 'nothing'}")
-
-        for path, text in clean.items():
-            write(path, text)
-        expect("a clean tree", None)
-        for path, line, sentence in planted:
-            write(path, clean[path] + line + "\n")
-            expect(f"planted '{line}' in {path}", sentence)
-            write(path, clean[path])
-        write("cuda/a.hpp", shared[0])
-        write("distributed/b.hpp", shared[1])
-        expect("three constants in two files", "distributed/b.hpp:1: shares 3 constants with cuda/a.hpp: kC = kF = 0.12, kA = kD = 48")
-    for failure in failures:
-        print(failure)
-    print(f"self-test: {len(planted) + 2} cases, {len(failures)} failed")
-    return 1 if failures else 0
+    return lint_tools.test_planted(check_tree, clean, [(path, lines + "\n", expected) for path, lines, expected in planted])
 
 
 if __name__ == "__main__":
