@@ -13,7 +13,6 @@ exit status is then 1.
 import collections
 import itertools
 import math
-import pathlib
 import re
 import sys
 

@@ -61,9 +61,11 @@ def run_check(description, check_tree, self_test):
 
 
 def test_planted(check_tree, clean, planted):
-    """Tests a lint on a small tree. `clean` has the text of each file, in which nothing is found. `planted` has (path, lines,
-    expected) one at a time: the lines stand at the end of the file, and the one sentence that is found has `expected` in
-    it. None: nothing is found. Prints what is otherwise, returns the exit status."""
+    """Tests a lint on a small tree. `clean` has the text of each file, in which nothing is found.
+
+    `planted` has (path, lines, expected), one at a time. The lines stand at the end of the file. The one sentence that is
+    found has `expected` in it; None: nothing is found. Prints what is otherwise, returns the exit status.
+    """
     failures = []
     with tempfile.TemporaryDirectory() as folder:
         root = pathlib.Path(folder)

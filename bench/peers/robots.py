@@ -24,7 +24,6 @@ the tables have its median and quartiles. A solver that did not run for a goal d
 NAME.csv, NAME.md and peers_NAME.png.
 """
 
-import argparse
 import pathlib
 import sys
 import tempfile
@@ -41,7 +40,7 @@ import mujoco  # noqa: E402
 import mujoco_peer  # noqa: E402
 import systems  # noqa: E402
 from arrays import jacobian_batch, matrix_batch  # noqa: E402
-from measure import JUDGE, SLACK, law_of, load_judge  # noqa: E402
+from measure import SLACK, law_of, load_judge  # noqa: E402
 
 import stiction  # noqa: E402
 
@@ -292,13 +291,7 @@ def draw(rows, goals, path):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("files", nargs="*", type=pathlib.Path)
-    parser.add_argument("--data", type=pathlib.Path, default=measure.ROOT.parent / "shared" / "data")
-    parser.add_argument("--judge", default=JUDGE)
-    parser.add_argument("--results", type=pathlib.Path, default=pathlib.Path("."))
-    parser.add_argument("--images", type=pathlib.Path, default=pathlib.Path("."))
-    parser.add_argument("--goals", type=lambda text: sorted(map(float, text.split(",")), reverse=True), default=[1e-4, 1e-6])
+    parser, files_of = measure.race_arguments(__doc__, ROBOTS)
     parser.add_argument("--envs", type=int, default=64)
     parser.add_argument("--repeat", action="store_true")
     parser.add_argument("--forms", type=lambda text: text.split(","), default=list(FORMS))
@@ -307,7 +300,7 @@ def main():
     parser.add_argument("--limit", type=float, default=0.5, help="seconds after which a solve is not asked for more")
     arguments = parser.parse_args()
     judge = load_judge(arguments.judge)
-    files = arguments.files or [path for path in (arguments.data / "mujoco" / f"{name}.h5" for name in ROBOTS) if path.is_file()]
+    files = files_of(arguments)
     rows = []
     with tempfile.TemporaryDirectory() as folder:
         functions = mujoco_peer.build(folder)
@@ -317,10 +310,8 @@ def main():
             begin = time.process_time()
             rows += race(Robot(path, arguments.envs, judge, arguments.repeat), functions, arguments)
             print(f"{path.stem}: {time.process_time() - begin:.1f} s", file=sys.stderr, flush=True)
-    written = [{key: f"{value:.4g}" if isinstance(value, float) else value for key, value in row.items()}
-               for row in told(rows)]
     measure.write_table(arguments.results / f"{arguments.name}.csv", ["bench/peers/robots.py", f"machine: {measure.machine_name()}",
-                        f"MuJoCo {mujoco.__version__}, stiction {stiction.__version__}"], COLUMNS, written)
+                        f"MuJoCo {mujoco.__version__}, stiction {stiction.__version__}"], COLUMNS, measure.rounded(told(rows)))
     report(rows, arguments.goals, arguments.results / f"{arguments.name}.md")
     draw(rows, arguments.goals, arguments.images / f"peers_{arguments.name}.png")
 

@@ -1,5 +1,6 @@
 """What races of solvers share: the judge, a clock of processor time, the machine's name, tables."""
 
+import argparse
 import csv
 import importlib.util
 import os
@@ -70,3 +71,25 @@ def write_table(path, comments, columns, rows):
         table = csv.DictWriter(file, columns, lineterminator="\n")
         table.writeheader()
         table.writerows(rows)
+
+
+def race_arguments(description, robots):
+    """A parser of what races on recorded robots have in common, and the files that its arguments name."""
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("files", nargs="*", type=pathlib.Path)
+    parser.add_argument("--data", type=pathlib.Path, default=ROOT.parent / "shared" / "data")
+    parser.add_argument("--judge", default=JUDGE)
+    parser.add_argument("--results", type=pathlib.Path, default=pathlib.Path("."))
+    parser.add_argument("--images", type=pathlib.Path, default=pathlib.Path("."))
+    parser.add_argument("--goals", type=lambda text: sorted(map(float, text.split(",")), reverse=True), default=[1e-4, 1e-6])
+
+    def files(arguments):
+        recorded = (arguments.data / "mujoco" / f"{name}.h5" for name in robots)
+        return arguments.files or [path for path in recorded if path.is_file()]
+
+    return parser, files
+
+
+def rounded(rows):
+    """Rows of a table with four digits a number."""
+    return [{key: f"{value:.4g}" if isinstance(value, float) else value for key, value in row.items()} for row in rows]
