@@ -84,7 +84,7 @@ class CpuContactMachine final : public ContactMachine {
     const SolverOptions& options = request.options;
     const PlanData& plan = *request.plan;
     const cpu::KernelSet set = isa_.kernels(solver);
-    const cpu::SingleKernels<Real>& single = set.single.of<Real>();
+    const cpu::SingleKernels<Real>& single = cpu::of_precision<Real>(set.single);
     const cpu::PackKernels<Real>& packs = set.packs.of<Real>(request.law);
     const int threads = cpu::thread_count(options.threads);
     const auto matrix_bytes = [&](const ConeCounts& slots) {

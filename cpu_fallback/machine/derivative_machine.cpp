@@ -18,17 +18,9 @@ namespace stiction {
 
 namespace {
 
-template <class Real, class Set>
-auto of_precision(const Set& set) {
-  if constexpr (std::is_same_v<Real, float>) {
-    return set.f32;
-  } else {
-    return set.f64;
-  }
-}
 template <class Real>
 cpu::DerivativeKernels<Real> pick() {
-  return of_precision<Real>(cpu::best_isa().derivative());
+  return cpu::of_precision<Real>(cpu::best_isa().derivative());
 }
 
 /// Environments that one thread takes at a time: less would cost more than it shares.
@@ -104,7 +96,7 @@ template <class Real>
 void pull_in_lanes(const JacobianVjpJob<Real>& job, int threads) {
   cpu::AdjointParts<Real> parts(job);
   const std::span<const LaneEnv<Real>> all = parts.all();
-  const cpu::VelocityKernels<Real> kernels = of_precision<Real>(cpu::best_isa().velocity());
+  const cpu::VelocityKernels<Real> kernels = cpu::of_precision<Real>(cpu::best_isa().velocity());
   const int workers = cpu::thread_count(threads);
   const auto count = static_cast<Offset>(all.size()), run = cpu::run_length(count, kernels.width, workers);
   std::vector<cpu::VelocityScratch> scratch(static_cast<std::size_t>(workers));

@@ -86,7 +86,7 @@ class Direct {
   };
 
   void solve_alone(Offset env) {
-    const cpu::SingleKernels<Real>& single = set_.single.template of<Real>();
+    const cpu::SingleKernels<Real>& single = cpu::of_precision<Real>(set_.single);
     Scratch memory(single.elements(job_, env));
     single.solve(job_, env, memory.data);
   }
