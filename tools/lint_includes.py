@@ -119,7 +119,7 @@ TABLE = [
         foreign=("CLI/", "fmt/", "nlohmann/")),
     Row("scenes", [PUBLIC, "scenes", "core/base/fp_env.hpp", IO_PUBLIC]),
     # Programs around solvers of others; they know nothing of this project.
-    Row("bench/peers", ["bench/peers"],
+    Row("bench/arena", ["bench/arena"],
         foreign=("Bullet", "dart/", "signal.h", "sys/", "time.h", "unistd.h")),
     Row("bench/support", [PUBLIC, IO_PUBLIC, "bench/support", "scenes", "core/job/size_class.hpp"],
         foreign=("benchmark/", "Eigen/")),

@@ -34,14 +34,15 @@ import h5py
 import numpy as np
 
 HERE = pathlib.Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE), str(HERE.parent / "studies")]
+sys.path[:0] = [str(HERE), str(HERE.parent / "arena")]
 
 import measure  # noqa: E402
 import systems  # noqa: E402
 import torch  # noqa: E402
 import torch_peers  # noqa: E402
 from padded import Padded  # noqa: E402
-from measure import SLACK, law_of, load_judge  # noqa: E402
+from judge import SLACK, law_of  # noqa: E402
+from measure import load_judge  # noqa: E402
 
 import stiction  # noqa: E402
 

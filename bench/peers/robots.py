@@ -6,7 +6,7 @@
                             [--forms matrix,factor,jacobian] [--name robots]
 
 Files are contact batches with J, M, v_free and row_target as recorded from MuJoCo; without any, the robots of
-DATA/mujoco. mujoco_peer.py says how MuJoCo is made to solve them. No two environments are the same: of a
+DATA/mujoco. mujoco_rows.py says how MuJoCo is made to solve them. No two environments are the same: of a
 file up to --envs are taken. With --repeat they are repeated until there are so many. MuJoCo: Newton, CG and PGS, one environment after the other, in C. stiction: auto, npgs, subspace and newton, f32 and f64,
 one call for all environments. Three forms say what both sides are given, and so what is timed:
 
@@ -33,14 +33,15 @@ import h5py
 import numpy as np
 
 HERE = pathlib.Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE), str(HERE.parent / "studies")]
+sys.path[:0] = [str(HERE), str(HERE.parent / "arena")]
 
 import measure  # noqa: E402
 import mujoco  # noqa: E402
-import mujoco_peer  # noqa: E402
+import mujoco_rows  # noqa: E402
 import systems  # noqa: E402
 from arrays import jacobian_batch, matrix_batch  # noqa: E402
-from measure import SLACK, law_of, load_judge  # noqa: E402
+from judge import SLACK, law_of  # noqa: E402
+from measure import load_judge  # noqa: E402
 
 import stiction  # noqa: E402
 
@@ -177,11 +178,11 @@ def turns(entrants, seconds):
 
 
 def race(robot, functions, arguments):
-    peer = mujoco_peer.Peer(functions, robot.systems)
+    peer = mujoco_rows.Peer(functions, robot.systems)
     rows = []
     for warm in (False, True):
         entrants = [Ours(robot, form, *which, warm) for form in arguments.forms for which in OURS]
-        entrants += [Theirs(robot, peer, solver, warm) for solver in mujoco_peer.SOLVERS]
+        entrants += [Theirs(robot, peer, solver, warm) for solver in mujoco_rows.SOLVERS]
         for goal in arguments.goals:
             entrants = contenders([one for one in entrants if qualify(robot, one, goal, arguments.limit)])
             if len({isinstance(one, Ours) for one in entrants}) < 2:
@@ -303,7 +304,7 @@ def main():
     files = files_of(arguments)
     rows = []
     with tempfile.TemporaryDirectory() as folder:
-        functions = mujoco_peer.build(folder)
+        functions = mujoco_rows.build(folder)
         if functions is None or not files:
             sys.exit("no C compiler, no headers of MuJoCo, or no recorded robots: nothing to compare")
         for path in files:

@@ -24,12 +24,15 @@ import subprocess
 import sys
 import tempfile
 
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "arena"))
+
 try:
     import h5py
     import numpy as np
 
     from environments import BOX, FREE, FRICTION, UNILATERAL, Environment, write_batch
-    from measure import SLACK, load_judge
+    from judge import SLACK
+    from measure import load_judge
 except ImportError as missing:
     print(f"SKIPPED: {missing}")
     sys.exit(77)

@@ -12,7 +12,7 @@ import unittest
 from pathlib import Path
 
 BENCH = Path(__file__).resolve().parents[2] / "bench"
-sys.path[:0] = [str(BENCH / "peers"), str(BENCH / "studies")]
+sys.path[:0] = [str(BENCH / folder) for folder in ("peers", "arena", "studies")]
 
 try:
     import numpy as np

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""bench/peers: batches made and read, and peers that answer contacts with known answers.
+"""bench/arena: batches made and read, and peers that answer contacts with known answers.
 
 Run as a program it exits with 77 (skipped) when numpy or h5py is missing, and says which. A peer that is not installed skips its
 own test.
@@ -10,7 +10,7 @@ import unittest
 from pathlib import Path
 
 BENCH = Path(__file__).resolve().parents[2] / "bench"
-sys.path[:0] = [str(BENCH / "peers"), str(BENCH / "studies")]
+sys.path.insert(0, str(BENCH / "arena"))
 
 try:
     import numpy as np
@@ -30,9 +30,9 @@ except ImportError:
     conic = None
 
 try:
-    import mujoco_peer
+    import mujoco_rows
 except ImportError:
-    mujoco_peer = None
+    mujoco_rows = None
 
 
 def environment(matrix, b, kinds, cone_offsets, row_param, name=""):
@@ -102,7 +102,7 @@ class Peers(unittest.TestCase):
         np.testing.assert_allclose(reaction, ANSWER, atol=1e-6)
         self.assertTrue(claimed)
 
-    @unittest.skipIf(mujoco_peer is None, "MuJoCo is not installed")
+    @unittest.skipIf(mujoco_rows is None, "MuJoCo is not installed")
     def test_mujoco_finds_the_known_answers(self):
         # Two degrees of freedom hang on the first, which STICKING's A does not see; a box row and a limit come before it.
         M = np.diag([1, 2, 2, 2, 1, 1.0])
@@ -119,11 +119,11 @@ class Peers(unittest.TestCase):
         v_free = np.array([0.1, -0.2, 0.3, 0, 0, 0.4])
         system = systems.System(problem, J, M, v_free, J @ v_free - b)
         with tempfile.TemporaryDirectory() as folder:
-            functions = mujoco_peer.build(folder)
+            functions = mujoco_rows.build(folder)
             if functions is None:
                 self.skipTest("no C compiler, or no headers of MuJoCo")
-            peer = mujoco_peer.Peer(functions, [system] * 2)
-            for solver in mujoco_peer.SOLVERS:
+            peer = mujoco_rows.Peer(functions, [system] * 2)
+            for solver in mujoco_rows.SOLVERS:
                 peer.choose(solver, 1e-14, False)
                 peer.start(np.zeros((2, 6)))
                 peer.factor()
@@ -134,15 +134,15 @@ class Peers(unittest.TestCase):
                 self.assertTrue((iterations > 0).all())
             peer.close()
 
-    @unittest.skipIf(mujoco_peer is None, "MuJoCo is not installed")
+    @unittest.skipIf(mujoco_rows is None, "MuJoCo is not installed")
     def test_the_tree_of_a_mass_matrix(self):
         branches = np.eye(5)
         for dof, ancestor in ((1, 0), (2, 1), (3, 0), (2, 0)):  # 0 - 1 - 2, 0 - 3, and 4 alone
             branches[dof, ancestor] = branches[ancestor, dof] = 0.1
-        self.assertEqual(mujoco_peer.parents([branches]).tolist(), [-1, 0, 1, 0, -1])
+        self.assertEqual(mujoco_rows.parents([branches]).tolist(), [-1, 0, 1, 0, -1])
         branches[2, 0] = branches[0, 2] = 0  # a zero by chance: 1 still hangs on 0
         branches[3, 2] = branches[2, 3] = 0.1  # 3 hangs on 2, which has 1 and 0 above
-        self.assertEqual(mujoco_peer.parents([branches, np.eye(5)]).tolist(), [-1, 0, 1, 2, -1])
+        self.assertEqual(mujoco_rows.parents([branches, np.eye(5)]).tolist(), [-1, 0, 1, 2, -1])
 
     def test_the_blocks_of_a_mass_matrix(self):
         whole, halves = np.ones((6, 6)), np.kron(np.eye(2), np.ones((3, 3)))

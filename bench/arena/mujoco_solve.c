@@ -1,5 +1,5 @@
 // MuJoCo's constraint solvers on contact problems that were not made by its own pipeline. What mj_fwdPosition and
-// mj_makeConstraint would leave behind is written into mjData here. Compiled by mujoco_peer.py, called by way of
+// mj_makeConstraint would leave behind is written into mjData here. Compiled by mujoco_rows.py, called by way of
 // ctypes.
 #include <mujoco/mjxmacro.h>
 #include <mujoco/mujoco.h>

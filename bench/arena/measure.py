@@ -12,8 +12,6 @@ import sys
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 JUDGE = ROOT / "tools" / "check_law.py"
-# The judge reads the numbers as written; the solver's residual is the same up to rounding.
-SLACK = 1.02
 
 
 def load_judge(path=JUDGE):
@@ -22,11 +20,6 @@ def load_judge(path=JUDGE):
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module.residuals
-
-
-def law_of(batch):
-    law = batch.attrs.get("law", "convex")
-    return law.decode() if isinstance(law, bytes) else law
 
 
 CLOCK = """
