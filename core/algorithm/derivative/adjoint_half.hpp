@@ -60,7 +60,7 @@ struct AdjointHalf {
 
   STICTION_HD void find_row_slope(const SlotOf<Types>& slot, Index s, Double tie, ModeCounts& found) const {
     const Double a = part.mean_diagonal(slot), mark = number(workspace.marks(), slot.row);
-    const Double z = a * number(workspace.x, slot.row) - array(workspace.motion)[slot.row];
+    const Double z = natural_point(a, number(workspace.x, slot.row), array(workspace.motion)[slot.row]);
     const auto mode =
         row_mode(z, a, number(workspace.law, 3 * s + 1), number(workspace.law, 3 * s + 2), mark > Double(0), tie);
     const auto has = mark >= Double(0);

@@ -181,10 +181,9 @@ class AdjointPack {
     put(job_.nu, to, nu);
     put(job_.gradients.R, to, nu * lambda);
     double by_mu = 0.0;
-    if (slides && mu > 0.0) {
-      const double own = nu - static_cast<double>(workspace_.w_bar().at(row, l));
-      by_mu = div_(fma_(image, lambda, own * workspace_.motion[from]), mu);
-    }
+    if (slides && mu > 0.0)
+      by_mu = by_friction(image, lambda, nu, static_cast<double>(workspace_.w_bar().at(row, l)),
+                          workspace_.motion[from], mu);
     put(job_.gradients.mu, to, by_mu);
     const double bound = is_box ? workspace_.slope_q[from] : 0.0;
     put(job_.gradients.lo, to, bound < 0.0 ? image : 0.0);

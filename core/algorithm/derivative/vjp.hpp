@@ -39,6 +39,10 @@ STICTION_HD void write_record(TeamT& team, const DerivativeJob<Real>& job, Offse
   });
 }
 
+/// A tangential row's cotangent by its mu, where its cone slides (docs/math/derivative.md, (12)).
+STICTION_HD double by_friction(double g, double lambda, double nu, double w_bar, double w, double mu) {
+  return div_(fma_(g, lambda, (nu - w_bar) * w), mu);
+}
 /// A box row's cotangent by its bounds, from what follows changes of its reaction.
 STICTION_HD double by_lo(const DerivativeScratch& s, Index i, ConeMode mode) {
   return mode == ConeMode::at_lo ? s.image[i] : 0.0;
@@ -78,10 +82,9 @@ STICTION_HD void write_gradients(TeamT& team, const EnvView<Real>& env, const Vj
     for (Index k = 0; k < size; ++k) {
       const Index i = env.row_of(first, size, k);
       double by_mu = 0.0;
-      if (slides && k > 0 && env.friction(i) > Real(0)) {
-        const double own = nu(i) - given(job.cotangents.w, rows + i);
-        by_mu = div_(fma_(s.image[i], reaction(i), own * s.w[i]), static_cast<double>(env.friction(i)));
-      }
+      if (slides && k > 0 && env.friction(i) > Real(0))
+        by_mu = by_friction(s.image[i], reaction(i), nu(i), given(job.cotangents.w, rows + i), s.w[i],
+                            static_cast<double>(env.friction(i)));
       put(to.mu, rows + i, by_mu);
       put(to.lo, rows + i, is_box ? by_lo(s, i, mode) : 0.0);
       put(to.hi, rows + i, is_box ? by_hi(s, i, mode) : 0.0);
