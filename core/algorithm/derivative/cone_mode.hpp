@@ -44,8 +44,7 @@ STICTION_HD FrictionMode<Wide> friction_mode(Wide z_n, Wide length, Wide tie) {
   mode.is_open = mode.to_open <= tie;
   mode.sticks = and_(not_(mode.is_open), mode.to_stick <= tie);
   mode.slides = not_(or_(mode.is_open, mode.sticks));
-  mode.is_tied =
-      or_(and_(mode.is_open, mode.to_open >= minus_tie), and_(mode.sticks, mode.to_stick >= minus_tie));
+  mode.is_tied = or_(and_(mode.is_open, mode.to_open >= minus_tie), and_(mode.sticks, mode.to_stick >= minus_tie));
   return mode;
 }
 /// norm(y_t) / x_n of a cone that slides.
@@ -196,9 +195,10 @@ STICTION_HD ConeDirections<M> cone_directions(Shape, const ModePoint<M>& point, 
     const double hi = kUnilateral ? std::numeric_limits<double>::infinity() : point.hi;
     const RowMode<double> mode =
         row_mode(natural_point(point.a, point.x[0], point.y[0]), point.a, point.lo, hi, kUnilateral, tie);
-    const ConeMode at_lo = kUnilateral ? ConeMode::open : ConeMode::at_lo;
-    return single_row<M>(mode.moves, mode.at_lo ? at_lo : mode.at_hi ? ConeMode::at_hi : ConeMode::sticking,
-                         mode.is_tied);
+    ConeMode name = ConeMode::sticking;
+    if (mode.at_lo) name = kUnilateral ? ConeMode::open : ConeMode::at_lo;
+    if (mode.at_hi) name = ConeMode::at_hi;
+    return single_row<M>(mode.moves, name, mode.is_tied);
   }
 }
 

@@ -88,6 +88,7 @@ STICTION_HD double solve_change(TeamT& team, const EnvView<Real>& env, const Jvp
                                 Offset set, Index unknowns) {
   const Offset rows = set * job.batch.row_count + env.first_row;
   const Real* const lambda = job.at.lambda + env.first_row;
+  const EnvModes<Real> modes = modes_of(env, s);
   project_reactions(team, env, job, s, set);
   // What b, R and A do to the motion while the reactions rest.
   const auto motion_change = [&](Index i) {
@@ -99,19 +100,19 @@ STICTION_HD double solve_change(TeamT& team, const EnvView<Real>& env, const Jvp
   change_bounds(team, env, job, s, set);
   const auto still = [&](Index i) { return s.still[i]; };
   const auto keep = [&](Index i, double value) { s.seed[i] = value; };
-  apply_rows(team, env, s, s.nu, still, keep);
+  apply_rows(team, modes, s.nu, still, keep);
   double largest = 0.0;
   const auto tested = [&](Index i) { return s.seed[i] + s.image[i]; };
-  to_unknowns(team, env, s, s.F, tested, [&](Index k, Index, double value) {
+  to_unknowns(team, modes, s.F, tested, [&](Index k, Index, double value) {
     s.unknown[k] = 0.0 - value;
     largest = max_(abs_(value * s.row_scale[k]), largest);
   });
-  solve_system(team, s, unknowns);
-  for_each(team, env.n, [&](Index i) { s.nu[i] = s.nu[i] + from_unknowns(s, s.E, i); });
-  apply_rows(team, env, s, s.nu, still, keep);
+  solve_system(team, DenseMatrix{s.K, unknowns}, s);
+  for_each(team, env.n, [&](Index i) { s.nu[i] = s.nu[i] + from_unknowns(modes, s.E, i); });
+  apply_rows(team, modes, s.nu, still, keep);
   double left = 0.0;
   std::uint32_t broken = 0;
-  to_unknowns(team, env, s, s.F, tested, [&](Index k, Index slot, double value) {
+  to_unknowns(team, modes, s.F, tested, [&](Index k, Index slot, double value) {
     left = max_(abs_(fma_(s.D[slot], s.unknown[k], value) * s.row_scale[k]), left);
   });
   for_each(team, env.n, [&](Index i) {

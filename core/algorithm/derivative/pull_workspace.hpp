@@ -1,6 +1,6 @@
 #pragma once
 
-#include "core/algorithm/derivative/derivative_env.hpp"
+#include "core/algorithm/derivative/mode_products.hpp"
 #include "core/algorithm/pack/lane_rows.hpp"
 
 namespace stiction::inline STICTION_ISA {
@@ -32,8 +32,9 @@ struct PullWorkspace {
   Real* tail;           ///< last rows of matrices, with room behind them               (W; tail_length)
   Real* zeros;          ///< a row that no environment has                              (n + kLine)
   ColumnTile* tile;     ///< columns that are dealt out together                        (n at most)
+  ConeUnknowns* cone;   ///< of all lanes, with the unknowns that some lane has         (n at most)
+  Index* cone_of_row;   ///<                                                            (n)
   Index* pivots;        ///<                                                            (n; W)
-  Index* unknown_of;    ///< number of the unknown that goes with a row, -1: none       (n)
   Index* batch_row;     ///< the environment's row in each row here, -1: none           (W; n)
   Index* cone_row;      ///< first row here of each environment's cones                 (W; cones)
   Index n;
@@ -70,9 +71,10 @@ struct PullWorkspace {
     tail = reinterpret_cast<Real*>(take(Offset{tail_length} * W));
     zeros = reinterpret_cast<Real*>(take(n + kLine));
     tile = reinterpret_cast<ColumnTile*>(take(n));
-    pivots = reinterpret_cast<Index*>(memory);
-    unknown_of = pivots + W * n;
-    batch_row = unknown_of + n;
+    cone = reinterpret_cast<ConeUnknowns*>(memory);
+    cone_of_row = reinterpret_cast<Index*>(cone + n);
+    pivots = cone_of_row + n;
+    batch_row = pivots + W * n;
     cone_row = batch_row + W * n;
   }
 
@@ -80,9 +82,10 @@ struct PullWorkspace {
   [[nodiscard]] Index* cones_of(int lane) const { return cone_row + Offset{cones} * lane; }
 
   static_assert(sizeof(ColumnTile) <= sizeof(double) && sizeof(const Real*) <= sizeof(double));
+  static_assert(sizeof(ConeUnknowns) == 4 * sizeof(Index));
 
  private:
-  static constexpr Offset integers(Offset n, Offset cones) { return (2 * W + 1) * n + W * cones; }
+  static constexpr Offset integers(Offset n, Offset cones) { return (2 * W + 5) * n + W * cones; }
   static constexpr Offset tail_of(Offset n) { return n + 2 * kLine; }
 };
 

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <type_traits>
+
 #include "core/algorithm/derivative/mode_system.hpp"
 
 /// Cotangents of a solution pulled back to the numbers of its environment (docs/math/derivative.md, (9) to (12)).
@@ -113,44 +115,68 @@ STICTION_HD void write_factor_gradients(TeamT& team, const EnvView<Real>& env, c
   });
 }
 
-/// The adjoint reaction of a set: solves G' y = E' (lambda_bar + A' w_bar). Leaves w_bar - F y in `s.nu`, and
-/// lambda_bar + (A + R)'(w_bar - F y) in `s.image`. Returns the residual of the system relative to its right-hand
-/// side, which the same numbers give; below zero where one was not finite.
-template <Team TeamT, class Real>
-STICTION_HD double solve_adjoint(TeamT& team, const EnvView<Real>& env, const VjpJob<Real>& job,
-                                 const DerivativeScratch& s, Offset set, Index unknowns) {
-  const Offset rows = set * job.batch.row_count + env.first_row;
-  const auto lambda_bar = [&](Index i) { return given(job.cotangents.lambda, rows + i); };
-  const auto w_bar = [&](Index i) { return given(job.cotangents.w, rows + i); };
-  const auto seed = [&](Index i) { return s.seed[i]; };
-  for_each(team, env.n, [&](Index i) {
-    s.seed[i] = lambda_bar(i);
-    s.nu[i] = w_bar(i);
+/// Whether something is true on every lane of a team; in lanes of a pack, which one thread has, that of each.
+template <Team TeamT, class Truth>
+STICTION_HD Truth true_on_all(TeamT& team, Truth mine) {
+  if constexpr (std::is_same_v<Truth, bool>) {
+    return team.combine(mine ? 0U : 1U) == 0;
+  } else {
+    return mine;
+  }
+}
+
+/// How an adjoint reaction came out.
+template <class Wide>
+struct AdjointCheck {
+  Wide residual;  ///< of the system relative to its right-hand side, from the numbers that are handed out
+  Mask<Wide> is_finite;
+};
+
+/// The adjoint reaction of a set, of one environment or of environments side by side: solves G' y = E' (lambda_bar +
+/// A' w_bar). Leaves w_bar - F y in `nu`, and lambda_bar + (A + R)'(w_bar - F y) in `image`. `K`: the factor of G'.
+template <Team TeamT, class Modes, class Matrix, class Bar>
+STICTION_HD auto solve_adjoint(TeamT& team, const Modes& modes, const Matrix& K, const Bar& bar) {
+  using Wide = typename Modes::Wide;
+  const auto& s = modes.s;
+  const auto lambda_bar = [&](Index i) { return bar.by_lambda(i); };
+  const auto image = [&](Index i) { return s.image[i]; };
+  for_each(team, modes.rows(), [&](Index i) {
+    s.image[i] = bar.by_lambda(i);
+    s.nu[i] = bar.by_w(i);
   });
-  if (job.cotangents.w != nullptr) apply_columns(team, env, s, s.nu, s.seed, lambda_bar);
-  double largest = 0.0;
-  to_unknowns(team, env, s, s.E, seed, [&](Index k, Index, double value) {
+  if (bar.has_w()) apply_columns(team, modes, s.nu, s.image, lambda_bar);
+  Wide largest(0);
+  to_unknowns(team, modes, s.E, image, [&](Index k, Index, Wide value) {
     s.unknown[k] = value;
     largest = max_(abs_(value * s.row_scale[k]), largest);
   });
-  solve_system(team, s, unknowns);
-  for_each(team, env.n, [&](Index i) { s.nu[i] = w_bar(i) - from_unknowns(s, s.F, i); });
-  apply_columns(team, env, s, s.nu, s.image, lambda_bar);
-  double left = 0.0;
-  std::uint32_t broken = 0;
-  to_unknowns(
-      team, env, s, s.E, [&](Index i) { return s.image[i]; },
-      [&](Index k, Index slot, double value) {
-        left = max_(abs_((value - s.D[slot] * s.unknown[k]) * s.row_scale[k]), left);
-      });
-  for_each(team, env.n, [&](Index i) {
-    if (!finite_(s.nu[i]) || !finite_(s.image[i])) broken = 1;
+  solve_system(team, K, s);
+  for_each(team, modes.rows(), [&](Index i) { s.nu[i] = bar.by_w(i) - from_unknowns(modes, s.F, i); });
+  apply_columns(team, modes, s.nu, s.image, lambda_bar);
+  Wide left(0);
+  to_unknowns(team, modes, s.E, image, [&](Index k, Index slot, Wide value) {
+    left = max_(abs_((value - s.D[slot] * s.unknown[k]) * s.row_scale[k]), left);
   });
+  auto is_finite = finite_(Wide(0));
+  for_each(team, modes.rows(),
+           [&](Index i) { is_finite = and_(is_finite, and_(finite_(s.nu[i]), finite_(s.image[i]))); });
   largest = team.max(largest);
   left = team.max(left);
-  if (team.combine(broken) != 0) return -1.0;
-  return largest > 0.0 ? div_(left, largest) : 0.0;
+  const auto is_seeded = largest > Wide(0);
+  const Wide residual = select(is_seeded, div_(left, select(is_seeded, largest, Wide(1))), Wide(0));
+  return AdjointCheck<Wide>{residual, true_on_all(team, is_finite)};
 }
+
+/// Cotangents of the solution of an environment, of a set.
+template <class Real>
+struct SolutionBar {
+  const SolutionCotangentView<Real>& cotangents;
+  Offset first_row;
+
+  [[nodiscard]] STICTION_HD double by_lambda(Index i) const { return given(cotangents.lambda, first_row + i); }
+  [[nodiscard]] STICTION_HD double by_w(Index i) const { return given(cotangents.w, first_row + i); }
+  [[nodiscard]] STICTION_HD bool has_w() const { return cotangents.w != nullptr; }
+};
 
 /// Whether every row stores all columns in order, on every lane.
 template <Team TeamT, class Real>
@@ -172,10 +198,14 @@ STICTION_HD void vjp_along(TeamT& team, const EnvView<Real>& env, const VjpJob<R
   for (Offset set = 0; set < job.count; ++set) {
     bool broken = refused;
     if (!refused) {
-      const double own = solve_adjoint(team, env, job, s, set, found.unknowns);
-      broken = own < 0.0;
-      if (broken) found.flags |= kGradientNonFinite;
-      residual = max_(own, residual);
+      const auto own = solve_adjoint(team, modes_of(env, s), DenseMatrix{s.K, found.unknowns},
+                                     SolutionBar<Real>{job.cotangents, set * job.batch.row_count + env.first_row});
+      broken = !own.is_finite;
+      if (broken) {
+        found.flags |= kGradientNonFinite;
+      } else {
+        residual = max_(own.residual, residual);
+      }
     }
     write_gradients(team, env, job, s, set, broken);
     write_factor_gradients(team, env, job, s, set, broken);

@@ -53,7 +53,7 @@ TEST(LaneLu, HasTheBitsOfOneByOne) {
     const LaneMatrix<kWidth> all{K.data(), n};
     constexpr double kFloor = 1e-13;
     const auto sound = factor_lane_lu(all, exchanged.data(), Lanes(kFloor));
-    solve_lane_lu(all, exchanged.data(), v.data());
+    solve_lu(team, all, exchanged.data(), v.data());
     for (int l = 0; l < kWidth; ++l) {
       const Index replaced = factor_lu(team, DenseMatrix{matrix[l].data(), own[l]}, pivots.data(), kFloor);
       EXPECT_EQ(replaced == 0, (lane_bits(sound) >> l & 1U) != 0) << n << ", " << l;
