@@ -24,10 +24,15 @@ endforeach()
 # stiction_keep_lines(target ...): which line each instruction came from, so that tools/check_fused.py can tell a fused
 # operation that fma_() asked for from one that a compiler made. Changes no instruction. The lines are of /stiction, wherever
 # the tree lies: ccache may hand an object of one clone to another.
-option(STICTION_KEEP_LINES "Keep the lines that instructions came from, which the gate of fused operations reads"
-       ${STICTION_BUILD_TESTS})
+set(STICTION_KEEP_LINES AUTO CACHE STRING
+    "Keep the lines that instructions came from, which the gate of fused operations reads: ON, OFF, or AUTO, where tests are built")
+set_property(CACHE STICTION_KEEP_LINES PROPERTY STRINGS AUTO ON OFF)
+set(_stiction_keeps_lines ${STICTION_KEEP_LINES})
+if(STICTION_KEEP_LINES STREQUAL "AUTO")
+  set(_stiction_keeps_lines ${STICTION_BUILD_TESTS})
+endif()
 function(stiction_keep_lines)
-  if(STICTION_KEEP_LINES AND CMAKE_CXX_COMPILER_ID MATCHES "GNU|Clang")
+  if(_stiction_keeps_lines AND CMAKE_CXX_COMPILER_ID MATCHES "GNU|Clang")
     foreach(target IN LISTS ARGN)
       target_compile_options(${target} PRIVATE -g1 "-fdebug-prefix-map=${PROJECT_SOURCE_DIR}=/stiction")
     endforeach()

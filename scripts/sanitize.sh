@@ -10,7 +10,8 @@ set -euo pipefail
 # A test that only calls the library is compiled as test.sh does it. Where there is a compiler's cache, that has been done.
 kind=${1:-address}
 build=${STICTION_SANITIZE_DIR:-$root/build-sanitize-$kind}
-options=(-S "$root" -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=Release -DSTICTION_ENABLE_CUDA=OFF -DSTICTION_BUILD_BENCH=OFF
+begin_options "$build"
+options+=(-G Ninja -DSTICTION_ENABLE_CUDA=OFF -DSTICTION_BUILD_BENCH=OFF
   -DSTICTION_BUILD_TOOLS=OFF -DSTICTION_BUILD_EXAMPLES=OFF -DSTICTION_BUILD_GPU_FIRST=OFF -DSTICTION_BUILD_TESTS=ON
   -DSTICTION_TEST_TIMEOUT=900)
 case $kind in
@@ -38,9 +39,8 @@ case $kind in
       "-DCMAKE_SHARED_LINKER_FLAGS=-fsanitize=thread")
     targets=(determinism_test_threads determinism_test_bodies determinism_test_worlds unit_test_thread_pool
       unit_test_parallel_for unit_test_solver)
-    for solver in $(sed -n 's/^stiction_add_solver(\([a-z0-9_]*\).*/\1/p' "$root/cmake/solvers.cmake"); do
-      targets+=("algorithm_test_torture_$solver")
-    done
+    mapfile -t solvers < <(sed -n 's/^stiction_add_solver(\([a-z0-9_]*\).*/\1/p' "$root/cmake/solvers.cmake")
+    targets+=("${solvers[@]/#/algorithm_test_torture_}")
     for file in "$root"/tests/algorithm/test_torture*.cpp "$root"/tests/twin/test_device_*.cpp; do
       case $file in  # minutes, of code that others run
         *_golden.cpp | *_failures.cpp | *_replay.cpp | *_trace.cpp) continue ;;
@@ -53,7 +53,6 @@ case $kind in
     ;;
   *) echo "sanitize.sh: $kind: give address or thread" >&2; exit 2 ;;
 esac
-command -v ccache > /dev/null && options+=(-DCMAKE_CXX_COMPILER_LAUNCHER=ccache)
 
 begin=$SECONDS
 say "$kind sanitizer: build"

@@ -6,8 +6,8 @@ import pytest
 
 
 def framework(name, what="stiction with its arrays"):
-    """The module `name`. Where it is missing or does not load, the test that asks is skipped, or all tests of the module
-    that asks, and the reason names the command that installs it."""
+    """The module `name`. Where it is missing or does not load, who asks is skipped: a test, or all tests of a module. The
+    reason names the command that installs it."""
     try:
         return importlib.import_module(name)
     except ModuleNotFoundError:
