@@ -153,12 +153,6 @@ STICTION_HD Pack<T, W> sqrt_(Pack<T, W> a) {
   for (int lane = 0; lane < W; ++lane) r.v[lane] = sqrt_(a.v[lane]);
   return r;
 }
-template <class T, int W>
-STICTION_HD Pack<T, W> unit_scale(Pack<T, W> a) {
-  Pack<T, W> r;
-  for (int lane = 0; lane < W; ++lane) r.v[lane] = unit_scale(a.v[lane]);
-  return r;
-}
 
 #if defined(__AVX512F__) && defined(__AVX512DQ__)
 STICTION_HD Pack<float, 16> fma_(Pack<float, 16> a, Pack<float, 16> b, Pack<float, 16> c) {

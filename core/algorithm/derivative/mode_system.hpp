@@ -1,5 +1,7 @@
 #pragma once
 
+#include <type_traits>
+
 #include "core/algorithm/derivative/find_modes.hpp"
 #include "core/algorithm/linear/dense/dense_lu.hpp"
 
@@ -141,6 +143,31 @@ STICTION_HD void solve_system(TeamT& team, const Matrix& K, const Scratch& s) {
   for_each(team, K.n, [&](Index k) { s.unknown[k] = s.unknown[k] * s.row_scale[k]; });
   solve_lu(team, K, s.pivots, s.unknown);
   for_each(team, K.n, [&](Index k) { s.unknown[k] = s.unknown[k] * s.column_scale[k]; });
+}
+
+/// Whether something is true on every lane of a team; in lanes of a pack, which one thread has, that of each.
+template <Team TeamT, class Truth>
+STICTION_HD Truth true_on_all(TeamT& team, Truth mine) {
+  if constexpr (std::is_same_v<Truth, bool>) {
+    return team.combine(mine ? 0U : 1U) == 0;
+  } else {
+    return mine;
+  }
+}
+
+/// How the solution of a set came out, by the numbers that are handed out.
+template <class Wide>
+struct SolutionCheck {
+  Wide residual;  ///< of the system relative to its right-hand side
+  Mask<Wide> is_finite;
+};
+/// From what each lane of a team has seen: the largest residual and right-hand side of an unknown.
+template <Team TeamT, class Wide>
+STICTION_HD SolutionCheck<Wide> check_solution(TeamT& team, Wide left, Wide right, Mask<Wide> is_finite) {
+  const Wide residual = team.max(left), largest = team.max(right);
+  const auto is_seeded = largest > Wide(0);
+  return {select(is_seeded, div_(residual, select(is_seeded, largest, Wide(1))), Wide(0)),
+          true_on_all(team, is_finite)};
 }
 
 }  // namespace stiction::inline STICTION_ISA

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <type_traits>
-
 #include "core/algorithm/derivative/mode_system.hpp"
 
 /// Cotangents of a solution pulled back to the numbers of its environment (docs/math/derivative.md, (9) to (12)).
@@ -115,23 +113,6 @@ STICTION_HD void write_factor_gradients(TeamT& team, const EnvView<Real>& env, c
   });
 }
 
-/// Whether something is true on every lane of a team; in lanes of a pack, which one thread has, that of each.
-template <Team TeamT, class Truth>
-STICTION_HD Truth true_on_all(TeamT& team, Truth mine) {
-  if constexpr (std::is_same_v<Truth, bool>) {
-    return team.combine(mine ? 0U : 1U) == 0;
-  } else {
-    return mine;
-  }
-}
-
-/// How an adjoint reaction came out.
-template <class Wide>
-struct AdjointCheck {
-  Wide residual;  ///< of the system relative to its right-hand side, from the numbers that are handed out
-  Mask<Wide> is_finite;
-};
-
 /// The adjoint reaction of a set, of one environment or of environments side by side: solves G' y = E' (lambda_bar +
 /// A' w_bar). Leaves w_bar - F y in `nu`, and lambda_bar + (A + R)'(w_bar - F y) in `image`. `K`: the factor of G'.
 template <Team TeamT, class Modes, class Matrix, class Bar>
@@ -160,11 +141,7 @@ STICTION_HD auto solve_adjoint(TeamT& team, const Modes& modes, const Matrix& K,
   auto is_finite = finite_(Wide(0));
   for_each(team, modes.rows(),
            [&](Index i) { is_finite = and_(is_finite, and_(finite_(s.nu[i]), finite_(s.image[i]))); });
-  largest = team.max(largest);
-  left = team.max(left);
-  const auto is_seeded = largest > Wide(0);
-  const Wide residual = select(is_seeded, div_(left, select(is_seeded, largest, Wide(1))), Wide(0));
-  return AdjointCheck<Wide>{residual, true_on_all(team, is_finite)};
+  return check_solution(team, left, largest, is_finite);
 }
 
 /// Cotangents of the solution of an environment, of a set.

@@ -21,6 +21,13 @@ struct LaneMatrix {
   }
 };
 
+/// unit_scale(), lane by lane.
+template <int W>
+Pack<double, W> unit_scale(Pack<double, W> numbers) {
+  for (int lane = 0; lane < W; ++lane) numbers.v[lane] = unit_scale(numbers.v[lane]);
+  return numbers;
+}
+
 /// Exchanges, in each lane, number j of a column with the one that was exchanged with it in the matrix.
 template <int W>
 void exchange_lanes(Pack<double, W>* column, Index j, const Index* pivots) {
