@@ -38,7 +38,7 @@ cpu::VelocityKernelSet velocity_kernels();
 namespace isa_avx512 {
 cpu::KernelSet solver_kernels(SolverKind solver);
 cpu::BodyKernelSet si_kernels();
-cpu::PullKernelSet pull_kernels();
+cpu::VjpPackKernelSet vjp_pack_kernels();
 cpu::VelocityKernelSet velocity_kernels();
 }  // namespace isa_avx512
 #endif
@@ -63,7 +63,7 @@ BodyKernelSet avx512_si_kernels() {
   return set;
 }
 DerivativeKernelSet avx512_derivative_kernels() {
-  return isa_avx2::derivative_kernels().with(isa_avx512::pull_kernels());
+  return isa_avx2::derivative_kernels().with(isa_avx512::vjp_pack_kernels());
 }
 #endif
 

@@ -2,7 +2,7 @@
 
 #include "core/algorithm/derivative/vjp.hpp"
 #include "core/algorithm/driver/solve_environment.hpp"
-#include "core/algorithm/unrolled/pull_step.hpp"
+#include "core/algorithm/unrolled/vjp_step.hpp"
 #include "core/job/unrolled_job.hpp"
 
 /// Sweeps of `pgs` run again in double, with all that they saw kept (docs/math/derivative.md, (28)). Cones follow one

@@ -8,7 +8,7 @@ namespace stiction::inline STICTION_ISA {
 
 /// Cones of several environments in one order that has each environment's own order in it: runs of cones with as many
 /// rows. What an environment has not is a gap in its lane. An order of sums is then the environment's alone.
-class PullSlots {
+class VjpSlots {
  public:
   static constexpr Index kMostRuns = 16;
 
@@ -25,7 +25,7 @@ class PullSlots {
   /// many runs, or more rows than `most_rows`.
   template <class Size>
   [[nodiscard]] bool take(Index cones, const Size& size, Index most_rows) {
-    PullSlots wider = *this;
+    VjpSlots wider = *this;
     Index at = 0;
     for (Index first = 0; first < cones;) {
       Index next = first + 1;

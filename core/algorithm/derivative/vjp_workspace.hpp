@@ -6,9 +6,9 @@
 namespace stiction::inline STICTION_ISA {
 
 /// Scratch of W environments that are pulled back side by side. Numbers of all lanes lie beside each other, by the rows
-/// of PullSlots; what is found of each environment alone lies apart.
+/// of VjpSlots; what is found of each environment alone lies apart.
 template <class Real, int W>
-struct PullWorkspace {
+struct VjpWorkspace {
   using Lanes = Pack<double, W>;
   static constexpr Index kLanes = W;
   static constexpr Index kLine =
@@ -49,7 +49,7 @@ struct PullWorkspace {
            (2 * n + integers(n, cones) + 1) / 2;
   }
 
-  PullWorkspace(double* memory, Index rows, Index most_cones)
+  VjpWorkspace(double* memory, Index rows, Index most_cones)
       : n(rows),
         cones(most_cones),
         tail_length(static_cast<Index>(tail_of(rows))),

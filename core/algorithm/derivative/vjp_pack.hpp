@@ -1,7 +1,7 @@
 #pragma once
 
-#include "core/algorithm/derivative/pull_load.hpp"
 #include "core/algorithm/derivative/vjp.hpp"
+#include "core/algorithm/derivative/vjp_load.hpp"
 #include "core/algorithm/linear/dense/lane_lu.hpp"
 
 /// vjp_env() of environments side by side (docs/math/derivative.md, "Contacts side by side"). Modes are found one by
@@ -12,7 +12,7 @@
 namespace stiction::inline STICTION_ISA {
 
 /// Environments of more rows fill the cache, and their loops are long enough alone.
-inline constexpr Index kMostPullRows = 64;
+inline constexpr Index kMostVjpRows = 64;
 
 /// A row of A in lanes, which stores every column in order.
 template <class Real, int W>
@@ -33,7 +33,7 @@ template <class Real, int W>
 struct LaneModes {
   using Wide = Pack<double, W>;
   static constexpr bool kMayHaveFactor = false;
-  const PullWorkspace<Real, W>& s;
+  const VjpWorkspace<Real, W>& s;
   Index cone_count = 0;
 
   [[nodiscard]] Index rows() const { return s.n; }
@@ -48,7 +48,7 @@ struct LaneModes {
 /// Cotangents of their solutions, of a set.
 template <class Real, int W>
 struct LaneBar {
-  const PullWorkspace<Real, W>& s;
+  const VjpWorkspace<Real, W>& s;
   bool is_of_w;
 
   [[nodiscard]] Pack<double, W> by_lambda(Index i) const { return s.given[i]; }
@@ -57,12 +57,12 @@ struct LaneBar {
 };
 
 template <class Real, int W>
-class PullPack {
+class VjpPack {
  public:
   using Lanes = Pack<double, W>;
 
-  PullPack(const VjpJob<Real>& job, const Offset* envs, Index count, const PullSlots& slots,
-           const PullWorkspace<Real, W>& workspace)
+  VjpPack(const VjpJob<Real>& job, const Offset* envs, Index count, const VjpSlots& slots,
+          const VjpWorkspace<Real, W>& workspace)
       : job_(job), envs_(envs), count_(count), slots_(slots), s_(workspace), n_(slots.rows()), modes_{workspace} {}
 
   /// Writes what it can and marks that in `answered`.
@@ -261,8 +261,8 @@ class PullPack {
   const VjpJob<Real>& job_;
   const Offset* envs_;
   Index count_;
-  const PullSlots& slots_;
-  const PullWorkspace<Real, W>& s_;
+  const VjpSlots& slots_;
+  const VjpWorkspace<Real, W>& s_;
   Index n_;
   LaneModes<Real, W> modes_;
   Index unknowns_ = 0;
@@ -272,7 +272,7 @@ class PullPack {
   ModesFound found_[W];
   bool alive_[W] = {};
   double residual_[W] = {};
-  bool is_bent_[kMostPullRows * 2];  ///< of a cone in some lane: its directions are not its rows'
+  bool is_bent_[kMostVjpRows * 2];  ///< of a cone in some lane: its directions are not its rows'
 };
 
 }  // namespace stiction::inline STICTION_ISA

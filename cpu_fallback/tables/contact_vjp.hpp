@@ -6,6 +6,6 @@
 namespace stiction::inline STICTION_ISA {
 
 /// Pulling environments of contacts back side by side, or nothing where this instruction set has no packs.
-cpu::PullKernelSet pull_kernels();
+cpu::VjpPackKernelSet vjp_pack_kernels();
 
 }  // namespace stiction::inline STICTION_ISA

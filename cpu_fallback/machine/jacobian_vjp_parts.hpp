@@ -3,27 +3,27 @@
 #include <span>
 #include <vector>
 
-#include "core/algorithm/derivative/adjoint_limits.hpp"
+#include "core/algorithm/derivative/jacobian_vjp_limits.hpp"
 #include "cpu_fallback/machine/large_parts.hpp"
 
 namespace stiction::cpu {
 
 /// What lanes pull back of a batch: environments, and the parts of those that are too large for a lane.
 template <class Real>
-class AdjointParts {
+class JacobianVjpParts {
  public:
-  explicit AdjointParts(const JacobianVjpJob<Real>& job) : job_(job) {
+  explicit JacobianVjpParts(const JacobianVjpJob<Real>& job) : job_(job) {
     const JacobianBatchView<Real>& batch = job.assembly.batch;
     std::vector<Offset> large;
     for (Offset env = 0; env < batch.env_count; ++env) {
-      if (!takes_adjoint(job, env)) continue;
+      if (!takes_vjp(job, env)) continue;
       const LaneEnv<Real> whole = lane_env(batch, env);
       if (whole.dofs > kMostVelocityDofs)
         large.push_back(env);
-      else if (takes_adjoint_size(whole))
+      else if (takes_vjp_size(whole))
         parts_.push_back(whole);
     }
-    islands_.append(batch, large, parts_, [](const LaneEnv<Real>& part) { return takes_adjoint_size(part); });
+    islands_.append(batch, large, parts_, [](const LaneEnv<Real>& part) { return takes_vjp_size(part); });
     sort_by_size(parts_);
     results_.resize(parts_.size());
     std::vector<double> scales(large.empty() ? 0 : static_cast<std::size_t>(batch.env_count));
@@ -35,11 +35,11 @@ class AdjointParts {
   /// Sorted by size.
   [[nodiscard]] std::span<const LaneEnv<Real>> all() const { return parts_; }
   /// Of each of them; to be filled.
-  [[nodiscard]] AdjointResult* results() { return results_.data(); }
+  [[nodiscard]] JacobianVjpResult* results() { return results_.data(); }
 
   /// Joins what was found of each environment's parts, and writes down which are answered.
   void finish() const {
-    std::vector<AdjointResult> wholes(static_cast<std::size_t>(job_.assembly.batch.env_count));
+    std::vector<JacobianVjpResult> wholes(static_cast<std::size_t>(job_.assembly.batch.env_count));
     for (std::size_t i = 0; i < parts_.size(); ++i) {
       job_.lanes.answered[parts_[i].env] = 1;
       join(wholes[static_cast<std::size_t>(parts_[i].env)], results_[i]);
@@ -51,7 +51,7 @@ class AdjointParts {
  private:
   const JacobianVjpJob<Real>& job_;
   std::vector<LaneEnv<Real>> parts_;
-  std::vector<AdjointResult> results_;
+  std::vector<JacobianVjpResult> results_;
   LargeParts<Real> islands_;
 };
 

@@ -1,5 +1,5 @@
 // Steps of one cone in reverse, against differences of the step itself.
-#include "core/algorithm/unrolled/pull_step.hpp"
+#include "core/algorithm/unrolled/vjp_step.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -70,8 +70,8 @@ void compare(double own, int own_axes) {
     double y[M];
     for (int k = 0; k < M; ++k) y[k] = numbers.at[M * M + M + k];
     LoneConeBar<M> to;
-    pull_local_step<kLaw>(ConeShape<ConeKind::friction, M>{}, cone, y, omega, bar, to);
-    pull_measures(cone, to);
+    local_step_vjp<kLaw>(ConeShape<ConeKind::friction, M>{}, cone, y, omega, bar, to);
+    measures_vjp(cone, to);
     double norm = 0, after[M];
     const auto step = local_step<kLaw>(ConeShape<ConeKind::friction, M>{}, cone, 0, 0, y, omega);
     for (int k = 0; k < M; ++k) after[k] = cone.x[k] + step.d[k];
@@ -102,7 +102,7 @@ void compare(double own, int own_axes) {
   }
 }
 
-TEST(PullStep, IsThatOfDifferencesWithAnyFrictionOfAnAxis) {
+TEST(VjpStep, IsThatOfDifferencesWithAnyFrictionOfAnAxis) {
   for (const double own : {1e-5, 1e-3, 0.05, 0.7, 1.5, 40.0, 1e4}) {
     compare<Law::convex, 3>(own, 1);
     compare<Law::convex, 4>(own, 1);

@@ -1,7 +1,7 @@
 #pragma once
 
-#include "core/algorithm/derivative/adjoint_slope.hpp"
-#include "core/algorithm/derivative/adjoint_workspace.hpp"
+#include "core/algorithm/derivative/jacobian_vjp_workspace.hpp"
+#include "core/algorithm/derivative/reaction_slope.hpp"
 #include "core/algorithm/velocity/evaluate/evaluate_pack.hpp"
 #include "core/algorithm/velocity/iterate/hessian_rows.hpp"
 
@@ -10,11 +10,11 @@ namespace stiction::inline STICTION_ISA {
 
 /// The pack seen from lane `part.first` on.
 template <class Types>
-struct AdjointHalf {
+struct JacobianVjpHalf {
   using Double = typename Types::Double;
   using Doubles = typename Types::Doubles;
   using Value = Double;
-  const AdjointWorkspace<Types>& workspace;
+  const JacobianVjpWorkspace<Types>& workspace;
   const DoublePack<Types> part;
   const TreeOf<Types>& tree = part.tree;
   const SlotOf<Types>* slots = part.slots;
@@ -110,7 +110,7 @@ struct AdjointHalf {
   STICTION_HD_OUTLINE Mask<Double> factor_system() const {
     const Doubles H = hessian();
     for (Index e = 0; e < tree.entries; ++e) H.put(e, number(workspace.M, e));
-    HessianRows<AdjointHalf>{*this}.add();
+    HessianRows<JacobianVjpHalf>{*this}.add();
     return factor_tree(tree, H, array(workspace.system_pivot));
   }
 

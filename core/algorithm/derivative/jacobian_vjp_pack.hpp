@@ -1,8 +1,8 @@
 #pragma once
 
-#include "core/algorithm/derivative/adjoint_half.hpp"
-#include "core/algorithm/derivative/adjoint_limits.hpp"
 #include "core/algorithm/derivative/find_modes.hpp"
+#include "core/algorithm/derivative/jacobian_vjp_half.hpp"
+#include "core/algorithm/derivative/jacobian_vjp_limits.hpp"
 #include "core/algorithm/derivative/vjp.hpp"
 #include "core/algorithm/velocity/solve_pack.hpp"
 
@@ -16,17 +16,17 @@ inline constexpr double kRefineAbove = 1e-24;
 inline constexpr double kMostAdjointSquare = 1e-20;
 
 template <class Types>
-class AdjointPack {
+class JacobianVjpPack {
  public:
   using Wide = typename Types::Wide;
   using Real = typename Types::Real;
   using Double = typename Types::Double;
-  using Half = AdjointHalf<Types>;
+  using Half = JacobianVjpHalf<Types>;
   static constexpr int kLanes = Types::kLanes;
 
-  STICTION_HD AdjointPack(const JacobianVjpJob<Real>& job, const LaneEnv<Real> (&envs)[kLanes],
-                          const TreeOf<Types>& tree, const SlotOf<Types>* slots, const SlotCounts& counts,
-                          const AdjointWorkspace<Types>& workspace, AdjointResult* results)
+  STICTION_HD JacobianVjpPack(const JacobianVjpJob<Real>& job, const LaneEnv<Real> (&envs)[kLanes],
+                              const TreeOf<Types>& tree, const SlotOf<Types>* slots, const SlotCounts& counts,
+                              const JacobianVjpWorkspace<Types>& workspace, JacobianVjpResult* results)
       : job_(job), envs_(envs), tree_(tree), slots_(slots), counts_(counts), workspace_(workspace), results_(results) {}
 
   STICTION_HD_OUTLINE void run() {
@@ -34,7 +34,7 @@ class AdjointPack {
     for_each_half([&](const Half& half) { find_answer(half); });
     for (Offset set = 0; set < job_.contact.count; ++set) {
       load_cotangents(set);
-      for_each_half([&](const Half& half) { pull(half); });
+      for_each_half([&](const Half& half) { vjp(half); });
       for (int l = 0; l < kLanes; ++l)
         if (lanes_[l].is_answered) write_lane(l, set);
     }
@@ -96,7 +96,7 @@ class AdjointPack {
     const auto found = half.find_slopes(Double(job_.contact.tie_tolerance) * scale);
     definite = and_(definite, half.factor_system());
     for (int l = 0; l < Types::kDoubleLanes; ++l) {
-      AdjointResult& lane = lanes_[part.first + l];
+      JacobianVjpResult& lane = lanes_[part.first + l];
       lane.forward_residual =
           div_(div_(sqrt_(lane_of(evaluated.square, l)), lane_of(part.array(workspace_.error_unit)[0], l)),
                max_(lane_of(error_scale, l), 1e-300));
@@ -127,7 +127,7 @@ class AdjointPack {
   }
 
   /// One set's adjoint.
-  STICTION_HD_OUTLINE void pull(const Half& half) {
+  STICTION_HD_OUTLINE void vjp(const Half& half) {
     half.solve_adjoint();
     half.follow_adjoint();
     Double square = half.adjoint_residual();
@@ -142,7 +142,7 @@ class AdjointPack {
     for (Index row = 0; row < counts_.rows; ++row)
       nothing = fma_(half.array(workspace_.nu)[row] + half.array(workspace_.image)[row], Double(0), nothing);
     for (int l = 0; l < Types::kDoubleLanes; ++l) {
-      AdjointResult& lane = lanes_[half.part.first + l];
+      JacobianVjpResult& lane = lanes_[half.part.first + l];
       const double own = lane_of(square, l);
       lane.is_answered = lane.is_answered && own <= kMostAdjointSquare && lane_of(nothing, l) == 0.0;
       lane.square = max_(own, lane.square);
@@ -195,22 +195,23 @@ class AdjointPack {
   const TreeOf<Types>& tree_;
   const SlotOf<Types>* slots_;
   const SlotCounts& counts_;
-  const AdjointWorkspace<Types>& workspace_;
-  AdjointResult lanes_[kLanes];
-  AdjointResult* results_;
+  const JacobianVjpWorkspace<Types>& workspace_;
+  JacobianVjpResult lanes_[kLanes];
+  JacobianVjpResult* results_;
 };
 
 /// Pulls up to kLanes environments back, or parts of some, that lanes take. What became of each is in `results`, which
 /// come with the scales of parts. Memory as in solve_pack().
 template <class Types, class Memory>
-STICTION_HD_OUTLINE void pull_pack(const JacobianVjpJob<typename Types::Real>& job,
-                                   const LaneEnv<typename Types::Real>* members, AdjointResult* results, Index count,
-                                   Memory&& memory, ListedCones<Types> listed = nullptr) {
+STICTION_HD_OUTLINE void jacobian_vjp_pack(const JacobianVjpJob<typename Types::Real>& job,
+                                           const LaneEnv<typename Types::Real>* members, JacobianVjpResult* results,
+                                           Index count, Memory&& memory, ListedCones<Types> listed = nullptr) {
   const bool fits = with_pack<Types>(
       job.assembly.batch, members, count, memory,
       [&](const auto& envs, const auto& lists, const auto& counts) {
-        const AdjointWorkspace<Types> workspace = memory.adjoint_numbers(counts, lists.tree.dofs, lists.tree.entries);
-        AdjointPack<Types>(job, envs, lists.tree, lists.slots, counts, workspace, results).run();
+        const JacobianVjpWorkspace<Types> workspace =
+            memory.jacobian_vjp_numbers(counts, lists.tree.dofs, lists.tree.entries);
+        JacobianVjpPack<Types>(job, envs, lists.tree, lists.slots, counts, workspace, results).run();
       },
       listed);
   for (Index l = 0; l < count && !fits; ++l) results[l].is_answered = false;

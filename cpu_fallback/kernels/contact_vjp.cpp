@@ -1,6 +1,6 @@
-#include "cpu_fallback/tables/contact_pull.hpp"
+#include "cpu_fallback/tables/contact_vjp.hpp"
 
-#include "core/algorithm/derivative/pull_pack.hpp"
+#include "core/algorithm/derivative/vjp_pack.hpp"
 #include "cpu_fallback/pack/pack_width.hpp"
 
 namespace stiction::inline STICTION_ISA {
@@ -10,7 +10,7 @@ namespace {
 template <class Real>
 bool takes(const VjpJob<Real>& job, Offset env) {
   const Index rows = job.batch.env_rows(env);
-  if (rows < 1 || rows > kMostPullRows || job.batch.env_dofs(env) > 0) return false;
+  if (rows < 1 || rows > kMostVjpRows || job.batch.env_dofs(env) > 0) return false;
   return has_full_rows(slice_problem(job.batch, job.law, env));
 }
 
@@ -21,10 +21,11 @@ constexpr Index kFewest = kWidth > 4 ? 3 : 2;  // fewer take longer in a pack th
 /// Packs of environments that follow one another. One whose cones would leave too much of the others' lanes empty
 /// begins the next pack.
 template <class Real>
-void pull(const VjpJob<Real>& job, const Offset* envs, Offset count, std::uint8_t* answered, cpu::Scratch& scratch) {
+void vjp_packs(const VjpJob<Real>& job, const Offset* envs, Offset count, std::uint8_t* answered,
+               cpu::Scratch& scratch) {
   const ContactBatchView<Real>& batch = job.batch;
   for (Offset first = 0; first < count;) {
-    PullSlots slots;
+    VjpSlots slots;
     Index most_cones = 0, most_rows = 0, members = 0;
     for (; members < kWidth && first + members < count; ++members) {
       const Offset env = envs[first + members];
@@ -37,10 +38,10 @@ void pull(const VjpJob<Real>& job, const Offset* envs, Offset count, std::uint8_
       most_cones = max_(cones, most_cones);
     }
     if (members >= kFewest) {
-      using Workspace = PullWorkspace<Real, kWidth>;
+      using Workspace = VjpWorkspace<Real, kWidth>;
       const Index rows = slots.rows();
       const Workspace workspace(scratch.reserve<double>(Workspace::elements(rows, most_cones)), rows, most_cones);
-      PullPack<Real, kWidth>(job, envs + first, members, slots, workspace).run(answered);
+      VjpPack<Real, kWidth>(job, envs + first, members, slots, workspace).run(answered);
     }
     first += max_(members, 1);
   }
@@ -48,16 +49,16 @@ void pull(const VjpJob<Real>& job, const Offset* envs, Offset count, std::uint8_
 #endif
 
 template <class Real>
-cpu::PullKernel<Real> kernel() {
+cpu::VjpPackKernel<Real> kernel() {
 #if STICTION_VECTOR_BYTES > 0
-  if constexpr (kWidth > 1) return {kWidth, takes<Real>, pull<Real>};
+  if constexpr (kWidth > 1) return {kWidth, takes<Real>, vjp_packs<Real>};
 #endif
   return {};
 }
 
 }  // namespace
 
-cpu::PullKernelSet pull_kernels() {
+cpu::VjpPackKernelSet vjp_pack_kernels() {
   return {kernel<float>(), kernel<double>()};
 }
 

@@ -3,20 +3,20 @@
 #include "core/algorithm/velocity/lanes/lane_env.hpp"
 #include "core/job/derivative_job.hpp"
 
-/// Which environments of J and M lanes pull back, whole or part by part (adjoint_pack.hpp).
+/// Which environments of J and M lanes pull back, whole or part by part (jacobian_vjp_pack.hpp).
 namespace stiction::inline STICTION_ISA {
 
 /// Whether an environment may be taken, as far as sizes and numbers do not decide. Its rows, J and M are known to be
 /// sound.
 template <class Real>
-STICTION_HD bool takes_adjoint(const JacobianVjpJob<Real>& job, Offset env) {
+STICTION_HD bool takes_vjp(const JacobianVjpJob<Real>& job, Offset env) {
   if ((job.assembly.to.flags[env] & kNotAssembled) != 0) return false;
   const bool is_solved = job.contact.at.status == nullptr || job.contact.at.status[env].code == EnvCode::solved;
   return job.contact.law == Law::convex && is_solved && takes_form(job.assembly.batch, env);
 }
 /// Whether an environment, or a part of one, of that size is taken. One of more than kMostVelocityDofs is a lane alone.
 template <class Real>
-STICTION_HD bool takes_adjoint_size(const LaneEnv<Real>& env) {
+STICTION_HD bool takes_vjp_size(const LaneEnv<Real>& env) {
   return env.dofs > 0 && env.dofs <= kMostLargeDofs && env.rows <= kMostVelocityRows;
 }
 
@@ -39,7 +39,7 @@ STICTION_HD double free_motion(const JacobianBatchView<Real>& batch, Offset env)
 }
 
 /// Takes a part in.
-STICTION_HD void join(AdjointResult& whole, const AdjointResult& part) {
+STICTION_HD void join(JacobianVjpResult& whole, const JacobianVjpResult& part) {
   whole.square = max_(part.square, whole.square);
   whole.forward_residual = max_(part.forward_residual, whole.forward_residual);
   whole.unknowns += part.unknowns;
@@ -49,7 +49,7 @@ STICTION_HD void join(AdjointResult& whole, const AdjointResult& part) {
 
 /// Writes down whether an environment is answered, and its record if it is.
 template <class Real>
-STICTION_HD void finish(const JacobianVjpJob<Real>& job, Offset env, const AdjointResult& found) {
+STICTION_HD void finish(const JacobianVjpJob<Real>& job, Offset env, const JacobianVjpResult& found) {
   const bool is_answered = found.is_answered && found.unknowns <= job.contact.max_unknowns;
   job.lanes.answered[env] = is_answered ? 1 : 0;
   if (!is_answered) return;

@@ -7,8 +7,8 @@ namespace stiction::inline STICTION_ISA {
 
 /// Friction under Coulomb's law, in reverse: `bar` by the reaction after the step.
 template <class Axes, int M>
-STICTION_HD void pull_coulomb_step(const Axes& axes, const LoneCone<M>& s, const double (&y)[M], double omega,
-                                   const double (&bar)[M], LoneConeBar<M>& to) {
+STICTION_HD void coulomb_step_vjp(const Axes& axes, const LoneCone<M>& s, const double (&y)[M], double omega,
+                                  const double (&bar)[M], LoneConeBar<M>& to) {
   const double pressed = fma_(0.0 - omega * axes.length[0], y[0], s.x[0]);
   const double fresh = pressed > 0.0 ? pressed : 0.0, moved = fresh - s.x[0];
   StepLengthBar<M> by;
@@ -19,7 +19,7 @@ STICTION_HD void pull_coulomb_step(const Axes& axes, const LoneCone<M>& s, const
     z[k] = fma_(0.0 - omega * axes.length[k], motion[k], s.x[k]);
     by_z[k] = bar[k];
   }
-  double by_fresh = bar[0] + axes.pull_disk(z, fresh, by_z, by), by_moved = 0.0;
+  double by_fresh = bar[0] + axes.disk_vjp(z, fresh, by_z, by), by_moved = 0.0;
   for (int k = 1; k < M; ++k) {
     const double by_motion = 0.0 - omega * axes.length[k] * by_z[k];
     to.x[k] = to.x[k] + by_z[k];
@@ -35,13 +35,13 @@ STICTION_HD void pull_coulomb_step(const Axes& axes, const LoneCone<M>& s, const
     to.y[0] = fma_(0.0 - omega * axes.length[0], by_fresh, to.y[0]);
     by.length[0] = fma_(0.0 - omega * y[0], by_fresh, by.length[0]);
   }
-  axes.pull_lengths(s, by, to);
+  axes.lengths_vjp(s, by, to);
 }
 
 /// Friction under the convex law, in reverse: both passes.
 template <class Axes, int M>
-STICTION_HD void pull_convex_step(const Axes& axes, const LoneCone<M>& s, const double (&y)[M], double omega,
-                                  const double (&bar)[M], LoneConeBar<M>& to) {
+STICTION_HD void convex_step_vjp(const Axes& axes, const LoneCone<M>& s, const double (&y)[M], double omega,
+                                 const double (&bar)[M], LoneConeBar<M>& to) {
   const double damped = 0.0 - omega * axes.damping;
   StepLengthBar<M> by;
   double z[2][M], motion[2][M], first[M], by_point[M];
@@ -56,8 +56,8 @@ STICTION_HD void pull_convex_step(const Axes& axes, const LoneCone<M>& s, const 
     z[1][i] = fma_(damped * axes.length[i], motion[1][i], first[i]);
     by_point[i] = bar[i];
   }
-  const auto pull_pass = [&](int pass, double (&by_motion)[M]) {
-    axes.pull_cone(z[pass], by_point, by);
+  const auto pass_vjp = [&](int pass, double (&by_motion)[M]) {
+    axes.cone_vjp(z[pass], by_point, by);
     for (int k = 0; k < M; ++k) {
       const double through = motion[pass][k] * by_point[k];
       by_motion[k] = damped * axes.length[k] * by_point[k];
@@ -66,7 +66,7 @@ STICTION_HD void pull_convex_step(const Axes& axes, const LoneCone<M>& s, const 
     }
   };
   double by_motion[M];
-  pull_pass(1, by_motion);
+  pass_vjp(1, by_motion);
   for (int i = 0; i < M; ++i) {
     to.y[i] = to.y[i] + by_motion[i];
     for (int j = 0; j < M; ++j) {
@@ -76,23 +76,23 @@ STICTION_HD void pull_convex_step(const Axes& axes, const LoneCone<M>& s, const 
       to.B[i][j] = fma_(by_motion[i], first[j] - s.x[j], to.B[i][j]);
     }
   }
-  pull_pass(0, by_motion);
+  pass_vjp(0, by_motion);
   for (int k = 0; k < M; ++k) {
     to.y[k] = to.y[k] + by_motion[k];
     to.x[k] = to.x[k] + by_point[k];
   }
-  axes.pull_lengths(s, by, to);
+  axes.lengths_vjp(s, by, to);
 }
 
 /// Friction under either law, in reverse, with the step lengths that FrictionConeStep takes.
 template <Law kLaw, int M>
-STICTION_HD void pull_friction_step(const LoneCone<M>& s, const double (&y)[M], double omega, const double (&bar)[M],
-                                    LoneConeBar<M>& to) {
+STICTION_HD void friction_step_vjp(const LoneCone<M>& s, const double (&y)[M], double omega, const double (&bar)[M],
+                                   LoneConeBar<M>& to) {
   const auto pull = [&](const auto& axes) {
     if constexpr (kLaw == Law::coulomb) {
-      pull_coulomb_step(axes, s, y, omega, bar, to);
+      coulomb_step_vjp(axes, s, y, omega, bar, to);
     } else {
-      pull_convex_step(axes, s, y, omega, bar, to);
+      convex_step_vjp(axes, s, y, omega, bar, to);
     }
   };
   if constexpr (M > 2) {
@@ -106,10 +106,10 @@ STICTION_HD void pull_friction_step(const LoneCone<M>& s, const double (&y)[M], 
 
 /// The step of any cone in reverse. Adds to `to` what `bar`, by the reaction after it, says of the cone before it.
 template <Law kLaw, class Shape>
-STICTION_HD void pull_local_step(Shape, const LoneCone<Shape::kRows>& s, const double (&y)[Shape::kRows], double omega,
-                                 const double (&bar)[Shape::kRows], LoneConeBar<Shape::kRows>& to) {
+STICTION_HD void local_step_vjp(Shape, const LoneCone<Shape::kRows>& s, const double (&y)[Shape::kRows], double omega,
+                                const double (&bar)[Shape::kRows], LoneConeBar<Shape::kRows>& to) {
   if constexpr (Shape::kKind == ConeKind::friction) {
-    pull_friction_step<kLaw>(s, y, omega, bar, to);
+    friction_step_vjp<kLaw>(s, y, omega, bar, to);
   } else {
     const double z = fma_(0.0 - omega * s.inv_n[0], y[0], s.x[0]);
     if constexpr (Shape::kKind == ConeKind::box) {
@@ -132,7 +132,7 @@ STICTION_HD void pull_local_step(Shape, const LoneCone<Shape::kRows>& s, const d
 /// largest_eigenvalue_bound() f in reverse. It is (trace S^16)^(1/16) of the symmetric part S, whose derivative is
 /// (S / f)^15.
 template <int M, int kFirst>
-STICTION_HD void pull_eigenvalue_bound(const LoneCone<M>& s, double by, LoneConeBar<M>& to) {
+STICTION_HD void eigenvalue_bound_vjp(const LoneCone<M>& s, double by, LoneConeBar<M>& to) {
   const double bound = largest_eigenvalue_bound<M, kFirst>(s, 0);
   if (!(bound > 0.0)) return;
   double power[M][M] = {}, product[M][M] = {};
@@ -158,7 +158,7 @@ STICTION_HD void pull_eigenvalue_bound(const LoneCone<M>& s, double by, LoneCone
 
 /// LoneCone::measure() in reverse: what the loss says of step lengths becomes what it says of the block.
 template <int M>
-STICTION_HD void pull_measures(const LoneCone<M>& s, LoneConeBar<M>& to) {
+STICTION_HD void measures_vjp(const LoneCone<M>& s, LoneConeBar<M>& to) {
   const double n = s.inv_n[0], t = s.inv_t[0];
   if constexpr (M > 1) {
     double coupling = 0.0;
@@ -186,9 +186,9 @@ STICTION_HD void pull_measures(const LoneCone<M>& s, LoneConeBar<M>& to) {
     const double whole = largest_eigenvalue_bound<M, 0>(s, 0), tangential = largest_eigenvalue_bound<M, 1>(s, 0);
     const auto smallest = static_cast<double>(kSmallestTangential);
     if (tangential > whole * smallest) {
-      pull_eigenvalue_bound<M, 1>(s, by_bound, to);
+      eigenvalue_bound_vjp<M, 1>(s, by_bound, to);
     } else {
-      pull_eigenvalue_bound<M, 0>(s, by_bound * smallest, to);
+      eigenvalue_bound_vjp<M, 0>(s, by_bound * smallest, to);
     }
   }
   to.B[0][0] = fma_(0.0 - n * n, to.inv_n, to.B[0][0]);
