@@ -39,7 +39,7 @@ def test_kappas_derivative_is_that_of_the_central_path(kappa):
     batch = stiction.Batch.from_delassus(A[None], b[None], cones="unilateral", law="convex")
     solution = stiction.Solver(solver="lemke", tolerance=1e-12).solve(batch)
     assert solution.solved.all() and 0 < (solution.lambda_ > 0).sum() < N
-    found = stiction.Derivative(kappa=kappa).vjp(batch, solution, lambda_=loss[None])
+    found = stiction.Derivative(kappa=kappa).vjp(batch, solution.lambda_, lambda_=loss[None])
     assert found.valid.all() and found.status["unknowns"][0] == N
     np.testing.assert_allclose(found.b[0], nu, rtol=1e-8, atol=1e-10)
     np.testing.assert_allclose(found.A[0], np.outer(nu, x), rtol=1e-7, atol=1e-9)
