@@ -1,7 +1,5 @@
 #pragma once
 
-#include <limits>
-
 #include "core/algorithm/problem/cone_projection.hpp"
 #include "core/algorithm/problem/cone_shape.hpp"
 
@@ -192,7 +190,7 @@ STICTION_HD ConeDirections<M> cone_directions(Shape, const ModePoint<M>& point, 
     return single_row<M>(true, ConeMode::sticking, false);
   } else {
     constexpr bool kUnilateral = Shape::kKind == ConeKind::unilateral;
-    const double hi = kUnilateral ? std::numeric_limits<double>::infinity() : point.hi;
+    const double hi = kUnilateral ? __builtin_huge_val() : point.hi;
     const RowMode<double> mode =
         row_mode(natural_point(point.a, point.x[0], point.y[0]), point.a, point.lo, hi, kUnilateral, tie);
     ConeMode name = ConeMode::sticking;

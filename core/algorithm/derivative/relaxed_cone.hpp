@@ -1,7 +1,5 @@
 #pragma once
 
-#include <limits>
-
 #include "core/algorithm/derivative/cone_mode.hpp"
 
 /// A cone whose reaction and motion have products kappa in place of zero (docs/math/derivative.md, (22) to (27)). Its
@@ -41,7 +39,7 @@ struct RelaxedCone {
 };
 
 /// No bound, and how far one may be to be one.
-inline constexpr double kNoBound = std::numeric_limits<double>::infinity();
+inline constexpr double kNoBound = __builtin_huge_val();
 inline constexpr double kFarthestBound = 1e150;
 
 /// A product below the range of double would leave no smooth map.
