@@ -12,7 +12,7 @@ if [ ! -f "$build/CMakeCache.txt" ]; then
   cmake -S . -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=Release -DSTICTION_ENABLE_CUDA=OFF -DSTICTION_BUILD_TESTS=OFF \
     -DSTICTION_BUILD_EXAMPLES=OFF -DSTICTION_BUILD_BENCH=ON
 fi
-cmake --build "$build" --target bench_bodies bench_body_newton bench_islands bench_ratio bench_solvers bench_baselines
+cmake --build "$build" --target bench_bodies bench_body_newton bench_classes bench_islands bench_ratio bench_solvers bench_baselines
 
 model=$(sed -n 's/^model name[^:]*: //p' /proc/cpuinfo | head -n 1)
 number=$(sed -n 's/^model[[:space:]]*: //p' /proc/cpuinfo | head -n 1)
@@ -29,14 +29,13 @@ if [ -n "${QUICK:-}" ]; then
   exit
 fi
 if cmake --build "$build" --target help | grep -q bench_warm_start; then  # not without HDF5
-  cmake --build "$build" --target bench_warm_start bench_classes bench_derivative bench_derivative_errors
+  cmake --build "$build" --target bench_warm_start bench_derivative
   "$build/bench/bench_warm_start" --csv "$results/warm_start.csv"
-  "$build/bench/bench_classes" --csv "$results/classes.csv"
   "$build/bench/bench_derivative" --csv "$results/derivative.csv"
-  "$build/bench/bench_derivative_errors" --csv "$results/derivative_errors.csv"
 fi
 "$build/bench/bench_bodies" --csv "$results/bodies.csv"
 "$build/bench/bench_body_newton" --csv "$results/body_newton.csv"
+"$build/bench/bench_classes" --csv "$results/classes.csv"
 "$build/bench/bench_islands" --csv "$results/islands.csv"
 "$build/bench/bench_ratio" --csv "$results/ratio.csv"
 "$build/bench/bench_solvers" --csv="$results/solvers.csv" --benchmark_min_time=0.05

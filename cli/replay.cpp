@@ -4,6 +4,7 @@
 
 #include "cli/bits.hpp"
 #include "cli/commands.hpp"
+#include "cli/convert_values.hpp"
 #include "cli/load.hpp"
 #include "cli/report.hpp"
 #include "stiction/config.hpp"
@@ -54,14 +55,6 @@ const io::RecordedSolve& recorded_solve(const ReplayArguments& arguments, const 
   return *recording.solve;
 }
 
-template <class Real>
-std::vector<Real> in_precision(const std::vector<double>& values) {
-  std::vector<Real> narrow;
-  narrow.reserve(values.size());
-  for (const double value : values) narrow.push_back(static_cast<Real>(value));
-  return narrow;
-}
-
 void print_difference(const io::Recording& recording, const io::RecordedSolve& recorded, Offset env,
                       const std::vector<double>& now, const char* ended) {
   const std::vector<double>& then = recorded.lambda;
@@ -79,7 +72,7 @@ void print_difference(const io::Recording& recording, const io::RecordedSolve& r
 template <class Real>
 Solution<Real> solve_again(const io::Recording& recording, const io::RecordedSolve& recorded,
                            const SolverOptions& options, Device device) {
-  const std::vector<Real> warm_start = in_precision<Real>(recorded.warm_start);
+  const std::vector<Real> warm_start = convert_values<Real>(recorded.warm_start);
   if (recorded.form == io::RecordedForm::matrix)
     return solve(convert<Real>(recording.batch), options, device, std::span<const Real>(warm_start));
   return solve(io::jacobian_batch<Real>(recording), options, device, std::span<const Real>(warm_start)).contact;
@@ -88,7 +81,7 @@ Solution<Real> solve_again(const io::Recording& recording, const io::RecordedSol
 template <class Real>
 int replay(const ReplayArguments& arguments, const io::Recording& recording, const io::RecordedSolve& recorded) {
   const Device device = Device::from_string(arguments.device);
-  const std::vector<Real> then = in_precision<Real>(recorded.lambda);
+  const std::vector<Real> then = convert_values<Real>(recorded.lambda);
   const Solution<Real> answer = solve_again<Real>(recording, recorded, options_of(recorded, arguments.threads), device);
   const auto& offsets = recording.batch.arrays().env_row_offsets;
   const auto part = [&](const std::vector<Real>& values, std::size_t env) {

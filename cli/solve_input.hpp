@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "cli/convert_values.hpp"
 #include "cli/load.hpp"
 #include "cli/permute.hpp"
 #include "cli/report.hpp"
@@ -18,14 +19,6 @@
 
 /// What `stiction solve` reads, and what it solves of it.
 namespace stiction::cli {
-
-template <class To, class From>
-std::vector<To> convert_values(const std::vector<From>& values) {
-  std::vector<To> converted;
-  converted.reserve(values.size());
-  for (const From value : values) converted.push_back(static_cast<To>(value));
-  return converted;
-}
 
 /// A batch and a warm start in the precision and the order they are solved in.
 template <class Real>

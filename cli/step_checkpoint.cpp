@@ -9,20 +9,13 @@
 #include <sstream>
 #include <vector>
 
+#include "cli/convert_values.hpp"
 #include "stiction/error.hpp"
 #include "stiction/io.hpp"
 
 namespace stiction::cli {
 
 namespace {
-
-template <class To, class From>
-std::vector<To> numbers(const std::vector<From>& values) {
-  std::vector<To> all;
-  all.reserve(values.size());
-  for (const From value : values) all.push_back(static_cast<To>(value));
-  return all;
-}
 
 /// "name=value" of a run, each, by name.
 std::map<std::string, std::string> words_of(const std::string& run) {
@@ -60,9 +53,13 @@ constexpr Precision kPrecision = sizeof(Real) == sizeof(float) ? Precision::f32 
 
 template <class To, class From>
 WorldCheckpoint<To> converted(const WorldCheckpoint<From>& from) {
-  return {numbers<To>(from.position), numbers<To>(from.orientation), numbers<To>(from.twist),
-          numbers<To>(from.wrench),   from.contact_offsets,          from.contact_id,
-          numbers<To>(from.impulse)};
+  return {convert_values<To>(from.position),
+          convert_values<To>(from.orientation),
+          convert_values<To>(from.twist),
+          convert_values<To>(from.wrench),
+          from.contact_offsets,
+          from.contact_id,
+          convert_values<To>(from.impulse)};
 }
 
 StepCheckpoint::StepCheckpoint(const StepArguments& arguments, const WorldOptions& options)

@@ -15,7 +15,6 @@ constexpr std::array kBoneMass{0.04, 0.025, 0.02};    // [kg]
 constexpr double kTipRadius = 0.01;                   // [m]
 constexpr double kKnuckleMass = 0.03;                 // [kg]
 constexpr double kArmature = 2e-5;                    // [kg m^2]
-constexpr double kLimitMargin = 0.1;                  // limits nearer than this have a row [rad]
 constexpr double kRightAngle = 1.5707963267948966;
 
 struct JointRange {
@@ -74,14 +73,6 @@ Finger add_finger(Rng& rng, Multibody& bodies, const Box& box, int number, doubl
   return finger;
 }
 
-void add_limits(RowWriter& rows, const Finger& finger) {
-  for (std::size_t k = 0; k < finger.hinge.size(); ++k) {
-    const double above = finger.angle[k] - kRanges[k].lo, below = kRanges[k].hi - finger.angle[k];
-    if (above < kLimitMargin) rows.add_limit(finger.hinge[k], 1, above);
-    if (below < kLimitMargin) rows.add_limit(finger.hinge[k], -1, below);
-  }
-}
-
 void add_table(Rng& rng, RowWriter& rows, const Box& box) {
   const Index group = rows.new_group();
   for (const auto& [x, y] : {std::array{-1.0, -1.0}, {1.0, -1.0}, {1.0, 1.0}, {-1.0, 1.0}}) {
@@ -113,7 +104,9 @@ SceneEnv make_grasp(Rng& rng, int fingers) {
   for (const Finger& finger : hand) {
     for (const Index hinge : finger.hinge) rows.add_joint_friction(hinge, 0.02);
   }
-  for (const Finger& finger : hand) add_limits(rows, finger);
+  for (const Finger& finger : hand)
+    for (std::size_t k = 0; k < finger.hinge.size(); ++k)
+      rows.add_near_limits(finger.hinge[k], finger.angle[k], kRanges[k].lo, kRanges[k].hi);
   for (const Finger& finger : hand) {
     const double slide = rng.uniform(0.6, 1.2);
     const std::array mu{slide, slide, rng.uniform(0.005, 0.02)};

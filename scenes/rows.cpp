@@ -96,6 +96,13 @@ void RowWriter::add_limit(Index dof, double sign, double gap) {
   add_row(row, position_target(gap));
 }
 
+void RowWriter::add_near_limits(Index hinge, double angle, double lowest, double highest) {
+  constexpr double kMargin = 0.1;  // [rad]
+  const double above = angle - lowest, below = highest - angle;
+  if (above < kMargin) add_limit(hinge, 1, above);
+  if (below < kMargin) add_limit(hinge, -1, below);
+}
+
 void RowWriter::add_joint_friction(Index dof, double force) {
   begin_cone(ConeKind::box);
   std::vector<Entry> row{{dof, 1.0}};

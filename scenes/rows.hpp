@@ -35,6 +35,8 @@ class RowWriter {
   void add_ball_joint(Index body_a, Index body_b, Vec3 point);
   /// Unilateral row: `sign` * velocity of the joint >= 0 once `gap` is used up [m, rad].
   void add_limit(Index dof, double sign, double gap);
+  /// Rows of the limits that a hinge is near.
+  void add_near_limits(Index hinge, double angle, double lowest, double highest);
   /// Box row: dry friction of a joint [N, N m].
   void add_joint_friction(Index dof, double force);
 

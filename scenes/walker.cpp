@@ -16,7 +16,6 @@ constexpr double kHipOffset = 0.08, kLegLength = 0.213;              // [m]
 constexpr double kFootRadius = 0.02;                                 // [m]
 constexpr double kArmature = 0.005;                                  // [kg m^2]
 constexpr double kJointFriction = 0.3;                               // [N m]
-constexpr double kLimitMargin = 0.1;                                 // limits nearer than this have a row [rad]
 
 struct JointRange {
   double lo, hi, rest;  // [rad]
@@ -67,14 +66,6 @@ void add_servo(Multibody& bodies, const Leg& leg) {
   }
 }
 
-void add_limits(RowWriter& rows, const Leg& leg) {
-  for (std::size_t k = 0; k < leg.hinge.size(); ++k) {
-    const double above = leg.angle[k] - kJoints[k].lo, below = kJoints[k].hi - leg.angle[k];
-    if (above < kLimitMargin) rows.add_limit(leg.hinge[k], 1, above);
-    if (below < kLimitMargin) rows.add_limit(leg.hinge[k], -1, below);
-  }
-}
-
 }  // namespace
 
 SceneEnv make_walker(Rng& rng, int legs) {
@@ -99,7 +90,9 @@ SceneEnv make_walker(Rng& rng, int legs) {
   for (const Leg& leg : all) {
     for (const Index hinge : leg.hinge) rows.add_joint_friction(hinge, kJointFriction);
   }
-  for (const Leg& leg : all) add_limits(rows, leg);
+  for (const Leg& leg : all)
+    for (std::size_t k = 0; k < leg.hinge.size(); ++k)
+      rows.add_near_limits(leg.hinge[k], leg.angle[k], kJoints[k].lo, kJoints[k].hi);
   for (const Leg& leg : all) {
     // Rough ground: under a standing foot the ground is where the foot is, and tilted a little.
     if (!rng.chance(0.8)) continue;

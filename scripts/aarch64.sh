@@ -53,11 +53,12 @@ if [ ! -e "$target/lib/cmake/GTest/GTestConfig.cmake" ]; then
 fi
 
 say "aarch64: build"
-options=("${toolchain[@]}" -DSTICTION_ENABLE_CUDA=OFF -DSTICTION_BUILD_TOOLS=OFF -DSTICTION_BUILD_BENCH=OFF
+begin_options "$build"
+options+=("${toolchain[@]}" -DSTICTION_ENABLE_CUDA=OFF -DSTICTION_BUILD_TOOLS=OFF -DSTICTION_BUILD_BENCH=OFF
   -DSTICTION_BUILD_EXAMPLES=OFF -DSTICTION_BUILD_GPU_FIRST=OFF -DSTICTION_BUILD_TESTS=ON -DSTICTION_TEST_TIMEOUT=3000
   -DCMAKE_DISABLE_FIND_PACKAGE_HDF5=ON)  # what is found is this machine's, by its h5cc
 [ -e /usr/share/eigen3/cmake/Eigen3Config.cmake ] && options+=(-DEigen3_DIR=/usr/share/eigen3/cmake)
-quiet cmake -S "$root" -B "$build" "${options[@]}"
+quiet cmake "${options[@]}"
 programs=$(cmake --build "$build" --target help | sed -n 's/^\([a-z0-9_]*\): phony$/\1/p' | sort)
 mapfile -t targets < <(ctest --test-dir "$build" -N "${chosen[@]}" | sed -n 's/^ *Test *#[0-9]*: //p' | sort | comm -12 - <(echo "$programs"))
 build_targets "${targets[@]}" stiction_distributed || { echo "0 passed, 1 failed, 0 skipped"; exit 1; }

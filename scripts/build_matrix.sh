@@ -35,10 +35,10 @@ for compiler in "${compilers[@]}"; do
   for flags in "${levels[@]}"; do
     name=${compiler//+/x}$(sed 's/ -DNDEBUG//; s/[ =]//g' <<< "$flags")
     say "$compiler $flags"
-    options=(-S "$root" -B "$matrix/$name" -G Ninja "-DCMAKE_CXX_COMPILER=$compiler" -DCMAKE_BUILD_TYPE=None
+    begin_options "$matrix/$name"
+    options+=(-G Ninja "-DCMAKE_CXX_COMPILER=$compiler" -DCMAKE_BUILD_TYPE=None
       "-DCMAKE_CXX_FLAGS=$flags" -DSTICTION_ENABLE_CUDA=OFF -DSTICTION_BUILD_TESTS=OFF -DSTICTION_BUILD_BENCH=OFF
       -DSTICTION_BUILD_EXAMPLES=OFF)
-    command -v ccache > /dev/null && options+=(-DCMAKE_CXX_COMPILER_LAUNCHER=ccache)
     cmake "${options[@]}" > "$matrix/$name.log" || { cat "$matrix/$name.log"; exit 1; }
     cmake --build "$matrix/$name" -j "$jobs" --target stiction_cli | tail -n 1
     builds+=("$name")

@@ -146,13 +146,29 @@ find_nvcc() {
   note "CUDA: no nvcc, so this build is CPU-only (scripts/get_cuda.sh fetches one)"
 }
 
-# configure [CMAKE OPTION ...]: the Release build that all scripts share, in build/ (or STICTION_BUILD_DIR).
+# begin_options FOLDER: sets `options` to those of a build in that folder, each at its default, with the compiler's cache where
+# there is one. Every script begins with these (tools/lint_options.py): what an earlier one has left in the folder's own
+# cache of options does not count.
+begin_options() {
+  local launcher=
+  if command -v ccache > /dev/null; then launcher=ccache; fi
+  options=(-S "$root" -B "$1" --no-warn-unused-cli -DCMAKE_BUILD_TYPE=Release
+    "-DCMAKE_C_COMPILER_LAUNCHER=$launcher" "-DCMAKE_CXX_COMPILER_LAUNCHER=$launcher" "-DCMAKE_CUDA_COMPILER_LAUNCHER=$launcher"
+    -DSTICTION_ENABLE_CUDA=AUTO -DSTICTION_PREBUILT_CUDA:FILEPATH= -DSTICTION_PTX_SOLVERS=npgs -DSTICTION_EMULATED_DEVICE=AUTO
+    -DSTICTION_CPU_KERNELS=all -DSTICTION_ENABLE_AVX2=ON -DSTICTION_ENABLE_AVX512=ON -DSTICTION_KEEP_LINES=AUTO
+    -DSTICTION_LIBRARY_OPTIONS= -DSTICTION_CORE_OPTIONS= -DSTICTION_WARNINGS_AS_ERRORS=ON
+    -DSTICTION_ENABLE_TBB=AUTO -DSTICTION_ENABLE_MPI=AUTO -DSTICTION_PARALLEL_HDF5=ON -DSTICTION_ENABLE_ORDERINGS=ON
+    -DSTICTION_BUILD_TOOLS=ON -DSTICTION_BUILD_TESTS=ON -DSTICTION_BUILD_GPU_FIRST=AUTO -DSTICTION_BUILD_BENCH=ON
+    -DSTICTION_BUILD_C=ON -DSTICTION_BUILD_EXAMPLES=ON -DSTICTION_BUILD_PYTHON=OFF
+    -DSTICTION_ENABLE_FUZZERS=OFF -DSTICTION_TEST_PACKS=AUTO -DSTICTION_TEST_TIMEOUT=300 "-DSTICTION_SHARED_DIR:PATH=${STICTION_SHARED_DIR:-$root/../shared}")
+}
+
+# configure [CMAKE OPTION ...]: the Release build that scripts share, in build/ (or STICTION_BUILD_DIR).
 configure() {
-  local options=(-S "$root" -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=Release)
-  if command -v ccache > /dev/null; then
-    options+=(-DCMAKE_CXX_COMPILER_LAUNCHER=ccache -DCMAKE_CUDA_COMPILER_LAUNCHER=ccache)
-  fi
-  [ -n "${python:-}" ] && options+=("-DPython3_EXECUTABLE=$python" "-DPython_EXECUTABLE=$python")
+  local options
+  begin_options "$build"
+  options+=(-G Ninja)
+  [ -n "${python:-}" ] && options+=("-DPython3_EXECUTABLE=$python" "-DPython_EXECUTABLE=$python" "-DSTICTION_PYTHON=$python")
   if [[ $* == *STICTION_BUILD_PYTHON=* ]]; then
     true  # the caller has decided
   elif [ -n "${python:-}" ] && "$python" -c '

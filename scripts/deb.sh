@@ -11,7 +11,7 @@ set -euo pipefail
 . "$root/scripts/systems.sh"
 
 work=${STICTION_DEB_DIR:-$root/build-deb}
-build=${STICTION_BUILD_DIR:-$work-objects}  # beside build/, whose compiled objects a cache then hands over
+build=$work-objects  # beside build/, whose compiled objects a cache then hands over
 begin=$SECONDS
 passed=0 failed=0 skipped=0
 

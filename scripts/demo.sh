@@ -14,13 +14,12 @@ make_venv "$root/tools/requirements-pictures.txt"
 find_nvcc
 
 say "build"
-# For this machine: its own instruction set and the baseline. A build that is there already keeps its options.
-options=()
-if [ ! -f "$build/build.ninja" ]; then
-  options=(-DSTICTION_CPU_KERNELS=native -DSTICTION_BUILD_TESTS=OFF -DSTICTION_BUILD_BENCH=OFF -DSTICTION_BUILD_EXAMPLES=OFF
-    -DSTICTION_BUILD_PYTHON=OFF)
+# For this machine's instruction set alone. A build that makes the command line already, as that of scripts/test.sh,
+# keeps its options.
+if ! { [ -f "$build/build.ninja" ] && cmake --build "$build" --target help 2> /dev/null | grep '^stiction_cli: phony' > /dev/null; }; then
+  configure -DSTICTION_CPU_KERNELS=native -DSTICTION_BUILD_TESTS=OFF -DSTICTION_BUILD_BENCH=OFF -DSTICTION_BUILD_EXAMPLES=OFF \
+    -DSTICTION_BUILD_PYTHON=OFF
 fi
-configure "${options[@]}"
 build_targets stiction_cli
 stiction=$build/bin/stiction
 

@@ -48,11 +48,11 @@ pointers=null,alignment,object-size,pointer-overflow
 flags="-O1 -fno-omit-frame-pointer -fsanitize=address,undefined,fuzzer-no-link -fno-sanitize=function,$pointers
   -fsanitize-trap=undefined -mllvm -asan-instrumentation-with-call-threshold=0 -DSTICTION_NOISY_SCRATCH"
 flags=${flags//$'\n'/}
-options=(-S "$root" -B "$build" -G Ninja "-DCMAKE_CXX_COMPILER=$compiler" -DCMAKE_BUILD_TYPE=None
+begin_options "$build"
+options+=(-G Ninja "-DCMAKE_CXX_COMPILER=$compiler" -DCMAKE_BUILD_TYPE=None
   "-DCMAKE_CXX_FLAGS=$flags" -DSTICTION_ENABLE_CUDA=OFF -DSTICTION_EMULATED_DEVICE=OFF -DSTICTION_ENABLE_AVX2=OFF
   -DSTICTION_ENABLE_TBB=OFF -DSTICTION_BUILD_BENCH=OFF -DSTICTION_BUILD_EXAMPLES=OFF -DSTICTION_ENABLE_FUZZERS=ON
   "-DSTICTION_CORE_OPTIONS=-fsanitize=$pointers")
-command -v ccache > /dev/null && options+=(-DCMAKE_CXX_COMPILER_LAUNCHER=ccache)
 mkdir -p "$build"
 log=$build/configure.log
 cmake "${options[@]}" > "$log" 2>&1 || { cat "$log"; echo "0 passed, 1 failed, 0 skipped"; exit 1; }

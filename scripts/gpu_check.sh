@@ -27,7 +27,9 @@ build=${STICTION_GPU_BUILD_DIR:-$root/build-gpu}
 left() { echo $((seconds - SECONDS + begin)); }
 
 configure() {  # options ...: for this GPU, or with the objects that were carried along
-  local options=(-S "$root" -B "$build" -DCMAKE_BUILD_TYPE=Release -DSTICTION_ENABLE_CUDA=ON
+  local options
+  begin_options "$build"
+  options+=(-DSTICTION_ENABLE_CUDA=ON
     -DSTICTION_BUILD_TESTS=OFF -DSTICTION_BUILD_BENCH=OFF -DSTICTION_BUILD_EXAMPLES=OFF -DSTICTION_BUILD_TOOLS=OFF
     -DSTICTION_BUILD_C=OFF -DSTICTION_WARNINGS_AS_ERRORS=OFF -DSTICTION_CPU_KERNELS=native "$@")
   local archives=("$carry"/stiction_cuda_sm*.tar.xz) capability
@@ -40,7 +42,6 @@ configure() {  # options ...: for this GPU, or with the objects that were carrie
     options+=("-DCMAKE_CUDA_ARCHITECTURES=$capability-real")
   fi
   if command -v ninja > /dev/null; then options+=(-G Ninja); fi
-  if command -v ccache > /dev/null; then options+=(-DCMAKE_CXX_COMPILER_LAUNCHER=ccache -DCMAKE_CUDA_COMPILER_LAUNCHER=ccache); fi
   cmake "${options[@]}"
 }
 
@@ -87,8 +88,8 @@ profile() {  # what a kernel waits for, where the machine lets it be seen
 
 # The Python package in the background, since peers are last; its compiler runs at the lowest priority.
 build_package() {
-  nice -n 19 bash -c "$(declare -f configure find_nvcc note); root='$root' build='$build' carry='$carry'
-    configure -DSTICTION_BUILD_PYTHON=ON -DSTICTION_BUILD_GPU_FIRST=OFF && cmake --build '$build' --target stiction_python -j $jobs" > "$out/package.log" 2>&1
+  nice -n 19 bash -c "$(declare -f begin_options configure find_nvcc note); root='$root' build='$build' carry='$carry'
+    configure -DSTICTION_BUILD_PYTHON=ON && cmake --build '$build' --target stiction_python -j $jobs" > "$out/package.log" 2>&1
 }
 
 peers() {  # PROCESS: waits for the package, then races what STICTION_GPU_PEERS names on recorded robots

@@ -25,11 +25,11 @@ say "kernels"
 say "gpu_first"
 # With no library of its own but the C library's: that machine has others, or none. The CPU's kernels are those for any
 # x86-64: there it is only compared with.
-options=(-S "$root" -B "$folder" -G Ninja -DCMAKE_BUILD_TYPE=Release -DSTICTION_ENABLE_CUDA=ON
+begin_options "$folder"
+options+=(-G Ninja -DSTICTION_ENABLE_CUDA=ON
   "-DSTICTION_PREBUILT_CUDA=$carry/stiction_cuda_sm90.tar.xz" -DSTICTION_BUILD_GPU_FIRST=ON -DSTICTION_ENABLE_AVX2=OFF -DSTICTION_ENABLE_TBB=OFF
   -DSTICTION_AMD_LIBRARY= -DSTICTION_METIS_LIBRARY= "-DCMAKE_EXE_LINKER_FLAGS=-static-libstdc++ -static-libgcc")
 for part in TESTS TOOLS BENCH C EXAMPLES; do options+=("-DSTICTION_BUILD_$part=OFF"); done
-if command -v ccache > /dev/null; then options+=(-DCMAKE_CXX_COMPILER_LAUNCHER=ccache); fi
 cmake "${options[@]}" > /dev/null
 cmake --build "$folder" --target gpu_first -j "$jobs"
 strip -o "$folder/gpu_first.stripped" "$folder/tools/gpu_first/gpu_first"

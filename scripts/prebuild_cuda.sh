@@ -16,12 +16,10 @@ begin=$SECONDS
 find_nvcc
 [ -n "${CUDACXX:-}" ] || { echo "prebuild_cuda.sh: nvcc is needed (set CUDACXX); scripts/get_cuda.sh fetches it" >&2; exit 2; }
 
-options=(-S "$root" -B "$folder" -G Ninja -DCMAKE_BUILD_TYPE=Release -DSTICTION_ENABLE_CUDA=ON
+begin_options "$folder"
+options+=(-G Ninja -DSTICTION_ENABLE_CUDA=ON
   -DCMAKE_CUDA_ARCHITECTURES=90-real -DSTICTION_BUILD_GPU_FIRST=ON)
 for part in TESTS TOOLS BENCH C EXAMPLES; do options+=("-DSTICTION_BUILD_$part=OFF"); done
-if command -v ccache > /dev/null; then
-  options+=(-DCMAKE_CXX_COMPILER_LAUNCHER=ccache -DCMAKE_CUDA_COMPILER_LAUNCHER=ccache)
-fi
 cmake "${options[@]}" > /dev/null
 mapfile -t objects < <(python3 "$root/tools/prebuilt_cuda.py" objects "$folder")
 say "${#objects[@]} objects"

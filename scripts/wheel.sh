@@ -67,12 +67,12 @@ if [ "$archive" = yes ]; then
 fi
 
 say "wheel: build"
-# A compiler's cache, where there is one, makes it quick the second time, and knows what test.sh has compiled by the same
-# options beside it.
+# A compiler's cache, where there is one, makes it quick the second time. It knows the kernels of demo.sh and the rest of
+# test.sh, compiled by the same options beside it; what includes nanobind, which pip keeps elsewhere each time, is compiled.
 if command -v ccache > /dev/null; then export CMAKE_CXX_COMPILER_LAUNCHER=ccache; fi
 # It counts a compiler of another name as another one, and pip would ask for Python's.
 export CXX=${CXX:-c++}
-shared=(-C build-dir="$objects" -C cmake.define.STICTION_KEEP_LINES=ON -C cmake.define.STICTION_WARNINGS_AS_ERRORS=ON)
+shared=(-C build-dir="$objects" -C cmake.define.STICTION_WARNINGS_AS_ERRORS=ON)
 log=$work/build.log
 if ! "${pip[@]}" wheel -v --no-deps -w "$work/wheels" "${shared[@]}" "$@" "$source" 2>&1 | tee "$log" | only_progress=1 show_progress; then
   tail -n 60 "$log"

@@ -11,7 +11,6 @@ and the exit status is 1. Every room may import the compiled module, `_core`.
 import ast
 import pathlib
 import sys
-import tempfile
 
 import lint_tools
 
@@ -95,25 +94,13 @@ def self_test():
         ("view/mujoco.py", "from stiction.envs import TASKS"),
         ("mjx.py", "from . import torch"),
     ]
-    with tempfile.TemporaryDirectory() as folder:
-        root = pathlib.Path(folder)
-        for path, text in clean.items():
-            (root / PACKAGE / path).parent.mkdir(parents=True, exist_ok=True)
-            (root / PACKAGE / path).write_text(text, encoding="utf-8")
-        failures += [f"a clean tree was reported: {problem}" for problem in check_tree(root)[1]]
-        for path, line in planted:
-            (root / PACKAGE / path).write_text(clean[path] + line + "\n", encoding="utf-8")
-            problems = check_tree(root)[1]
-            if len(problems) != 1 or not problems[0].startswith(f"{PACKAGE / path}:"):
-                failures.append(f"planted '{line}' in {path}, got {problems or 'nothing'}")
-            (root / PACKAGE / path).write_text(clean[path], encoding="utf-8")
-        (root / PACKAGE / "other.py").write_text("", encoding="utf-8")
-        if not check_tree(root)[1]:
-            failures.append("a room that the table does not have was not reported")
     for failure in failures:
         print(failure)
-    print(f"self-test: {len(planted) + 3} cases, {len(failures)} failed")
-    return 1 if failures else 0
+    tree = {f"{PACKAGE / path}": text for path, text in clean.items()}
+    found = lint_tools.test_planted(check_tree, tree, [
+        *((f"{PACKAGE / path}", line + "\n", f"{PACKAGE / path}:") for path, line in planted),
+        (f"{PACKAGE}/other.py", "", "other is no room of the package")])
+    return 1 if failures else found
 
 
 if __name__ == "__main__":

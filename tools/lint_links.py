@@ -5,8 +5,7 @@ A link leads to a file or folder of the checkout. Its fragment, where it has one
 rule is GitHub's: lower case, spaces become hyphens, punctuation is left out. Code is not read. What a script calls
 unit_test_solver, or a pattern that begins so, is test_solver.cpp in a folder of tests/unit.
 
-    tools/lint_links.py [ROOT]
-    tools/lint_links.py --self-test
+    tools/lint_links.py [--root DIR] [--self-test]
 """
 
 import pathlib
@@ -15,6 +14,8 @@ import subprocess
 import sys
 import tempfile
 import urllib.parse
+
+import lint_tools
 
 LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
 HEADING = re.compile(r"^#{1,6}\s+(.*?)\s*#*$", re.M)
@@ -92,16 +93,10 @@ def self_test():
     return 0
 
 
-def main():
-    if sys.argv[1:] == ["--self-test"]:
-        return self_test()
-    root = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else pathlib.Path(__file__).parent.parent).resolve()
-    found = [*problems(root), *missing_tests(root)]
-    for line in found:
-        print(line)
-    print(f"{len(markdown(root))} pages, {len(found)} problems")
-    return 1 if found else 0
+def check_tree(root):
+    root = root.resolve()
+    return len(markdown(root)), [*problems(root), *missing_tests(root)]
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(lint_tools.run_check(__doc__, check_tree, self_test))

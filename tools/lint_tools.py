@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tempfile
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 SOURCE_SUFFIXES = {".hpp", ".cpp", ".cu", ".cuh", ".h", ".c"}
@@ -57,3 +58,35 @@ def run_check(description, check_tree, self_test):
         print(problem)
     print(f"{count} files, {len(problems)} problems")
     return 1 if problems or count == 0 else 0
+
+
+def test_planted(check_tree, clean, planted):
+    """Tests a lint on a small tree. `clean` has the text of each file, in which nothing is found.
+
+    `planted` has (path, lines, expected), one at a time. The lines stand at the end of the file. The one sentence that is
+    found has `expected` in it; None: nothing is found. Prints what is otherwise, returns the exit status.
+    """
+    failures = []
+    with tempfile.TemporaryDirectory() as folder:
+        root = pathlib.Path(folder)
+
+        def write(path, text):
+            (root / path).parent.mkdir(parents=True, exist_ok=True)
+            (root / path).write_text(text, encoding="utf-8")
+
+        for path, text in clean.items():
+            write(path, text)
+        failures += [f"a clean tree was reported: {problem}" for problem in check_tree(root)[1]]
+        for path, lines, expected in planted:
+            write(path, clean.get(path, "") + lines)
+            problems = check_tree(root)[1]
+            if len(problems) != (expected is not None) or any(expected not in problem for problem in problems):
+                failures.append(f"planted '{lines}' in {path}, got {problems or 'nothing'}")
+            if path in clean:
+                write(path, clean[path])
+            else:
+                (root / path).unlink()
+    for failure in failures:
+        print(failure)
+    print(f"self-test: {len(planted) + 1} cases, {len(failures)} failed")
+    return 1 if failures else 0

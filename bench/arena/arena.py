@@ -23,7 +23,7 @@ import sys
 import tempfile
 
 HERE = pathlib.Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE), str(HERE.parent / "peers"), str(HERE.parent / "studies")]
+sys.path.insert(0, str(HERE))
 
 import entered  # noqa: E402
 import families  # noqa: E402

@@ -68,10 +68,6 @@ class Problems:
         """Whether every cone pushes and does not pull, with boxed friction or with none."""
         return bool(np.isin(self.kinds, (UNILATERAL, BOX_FRICTION)).all())
 
-    @property
-    def is_lcp(self):
-        return bool((self.kinds == UNILATERAL).all())
-
 
 def say(message):
     print(message, file=sys.stderr, flush=True)

@@ -6,7 +6,7 @@ import peer_pinocchio
 import peer_programs
 
 OUTSIDE = {
-    "ODE": "takes bodies under boxed friction, not matrices; raced by bench/peers/engines.py",
+    "ODE": "takes bodies under boxed friction, not matrices",
     "Drake (SAP)": "no wrapper here: its engine solves the contacts of its own models",
     "Newton (Kamino)": "no wrapper here: it takes Newton's model and contacts, not a problem as written here",
     "PhysX": "no wrapper here: it solves its own scenes, under its own law",

@@ -12,21 +12,13 @@ MOST_ROWS = 300  # of a matrix whose eigenvalues are asked for, and of what qpax
 ROUNDING = 1e-9
 
 
-def dense(environment):
-    """A + diag R."""
-    offsets, columns, values = environment.with_compliance()
-    matrix = np.zeros((environment.rows,) * 2)
-    np.add.at(matrix, (np.repeat(np.arange(environment.rows), np.diff(offsets)), columns), values)
-    return matrix
-
-
 def not_convex(problems):
     """Why the problems are no minimum, or None."""
     if problems.has_friction:
         return None if problems.law == "convex" else "Coulomb's law is no convex program"
     for environment in read_environments(problems.path):
         if environment.rows <= MOST_ROWS:
-            matrix = dense(environment)
+            matrix = environment.dense()
             size = np.abs(matrix).max(initial=0.0)
             if np.abs(matrix - matrix.T).max(initial=0.0) > ROUNDING * size:
                 return "some matrix is not symmetric: no convex program"
@@ -105,7 +97,7 @@ class Qpax(Peer):
         return Answer(np.concatenate(reactions), np.array(spent), np.array(claimed), np.array(steps))
 
     def _solve(self, run, environment):
-        matrix, b, n = dense(environment), environment.b, environment.rows
+        matrix, b, n = environment.dense(), environment.b, environment.rows
         scale, size = np.diag(matrix).mean(), np.abs(b).max(initial=0.0)
         if not (scale > 0 and size > 0):
             return np.zeros(n), 0.0, False, 0

@@ -1,4 +1,4 @@
-"""MuJoCo's three constraint solvers, by way of bench/peers/mujoco_peer.py: J and M in, forces out."""
+"""MuJoCo's three constraint solvers, by way of mujoco_rows.py: J and M in, forces out."""
 
 import importlib.metadata
 import importlib.util
@@ -34,9 +34,9 @@ class MuJoCo(Peer):
     def prepare(self, folder, clock):
         if importlib.util.find_spec("mujoco") is None:
             return "mujoco is not installed (PyPI)"
-        import mujoco_peer
+        import mujoco_rows
 
-        if mujoco_peer.build(folder) is None:
+        if mujoco_rows.build(folder) is None:
             return "no C compiler, or no headers of MuJoCo"
         self.version = importlib.metadata.version("mujoco")
         return None
@@ -56,10 +56,10 @@ class MuJoCo(Peer):
         return None
 
     def load(self):
-        import mujoco_peer
+        import mujoco_rows
         import systems
 
-        self.peer, self.systems = mujoco_peer, systems
+        self.peer, self.systems = mujoco_rows, systems
 
     def answer(self, path, law, setting, seconds, folder):
         found = self.systems.read(path)

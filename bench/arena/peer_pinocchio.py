@@ -6,7 +6,6 @@ import importlib.util
 import numpy as np
 from environments import FRICTION, read_environments
 from peer import Peer, one_by_one, shortest
-from peer_convex import dense
 
 ITERATIONS = 10000
 # The measure that it stops by; the other one is off. PGS calls its first sweep converged by the absolute one (pin 4.1.0), and
@@ -51,7 +50,7 @@ class Pinocchio(Peer):
         """Units are taken out as for Clarabel: max|b| and the mean diagonal become one."""
         pin, n = self.pin, environment.rows
         normal_last = np.arange(n).reshape(-1, 3)[:, [1, 2, 0]].ravel()
-        matrix = dense(environment)
+        matrix = environment.dense()
         scale, size = np.diag(matrix).mean(), np.abs(environment.b).max(initial=0.0)
         if not (scale > 0 and size > 0):
             return np.zeros(n), 0.0, False, 0

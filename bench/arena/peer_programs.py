@@ -1,4 +1,4 @@
-"""Siconos, and the matrix solvers of Bullet and DART, by way of the programs of bench/peers."""
+"""Siconos, and the matrix solvers of Bullet and DART, by way of small programs around them."""
 
 import pathlib
 import shlex

@@ -5,7 +5,7 @@ import pathlib
 import sys
 
 HERE = pathlib.Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE), str(HERE.parent / "peers"), str(HERE.parent / "studies")]
+sys.path.insert(0, str(HERE))
 
 import answer_file  # noqa: E402
 import others  # noqa: E402

@@ -25,7 +25,6 @@ the CPU, processor time of one thread: a check of the programs, not a comparison
 gpu_fallback.csv, gpu.md and peers_gpu.png.
 """
 
-import argparse
 import importlib
 import pathlib
 import sys
@@ -35,14 +34,15 @@ import h5py
 import numpy as np
 
 HERE = pathlib.Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE), str(HERE.parent / "studies")]
+sys.path[:0] = [str(HERE), str(HERE.parent / "arena")]
 
 import measure  # noqa: E402
 import systems  # noqa: E402
 import torch  # noqa: E402
 import torch_peers  # noqa: E402
 from padded import Padded  # noqa: E402
-from roster import JUDGE, SLACK, law_of, load_judge  # noqa: E402
+from judge import SLACK, law_of  # noqa: E402
+from measure import load_judge  # noqa: E402
 
 import stiction  # noqa: E402
 
@@ -338,21 +338,14 @@ def write(rows, alone, arguments):
     heads = [f"bench/peers/gpu.py --device {arguments.device}", f"machine: {measure.machine_name()}",
              f"PyTorch {torch.__version__}, stiction {stiction.__version__}"]
     for name, columns, table in (("gpu", COLUMNS, rows), ("gpu_fallback", FALLBACK_COLUMNS, alone)):
-        measure.write_table(arguments.results / f"{name}.csv", heads, columns,
-                            [{key: f"{value:.4g}" if isinstance(value, float) else value for key, value in row.items()} for row in table])
+        measure.write_table(arguments.results / f"{name}.csv", heads, columns, measure.rounded(table))
     report(rows, alone, arguments.device, arguments.results / "gpu.md")
     draw(rows, arguments.goals, arguments.images / "peers_gpu.png")
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("files", nargs="*", type=pathlib.Path)
+    parser, files_of = measure.race_arguments(__doc__, ROBOTS)
     parser.add_argument("--device", default="cuda")
-    parser.add_argument("--data", type=pathlib.Path, default=measure.ROOT.parent / "shared" / "data")
-    parser.add_argument("--judge", default=JUDGE)
-    parser.add_argument("--results", type=pathlib.Path, default=pathlib.Path("."))
-    parser.add_argument("--images", type=pathlib.Path, default=pathlib.Path("."))
-    parser.add_argument("--goals", type=lambda text: sorted(map(float, text.split(",")), reverse=True), default=[1e-4, 1e-6])
     parser.add_argument("--envs", type=lambda text: sorted(map(int, text.split(","))), default=[64, 1024, 8192, 32768])
     parser.add_argument("--peers", type=lambda text: text.split(","), default=["torch", "mjx", "warp"])
     parser.add_argument("--seconds", type=float, default=1.0, help="of the turns of one batch and goal")
@@ -361,7 +354,7 @@ def main():
         sys.exit("PyTorch sees no GPU: --device cpu checks the programs without one")
     torch.set_num_threads(1)
     judge = load_judge(arguments.judge)
-    files = arguments.files or [path for path in (arguments.data / "mujoco" / f"{name}.h5" for name in ROBOTS) if path.is_file()]
+    files = files_of(arguments)
     rows, alone = [], []
     for path in files:  # tables are written after each
         robot = Robot(path, judge, arguments.device)

@@ -1,4 +1,4 @@
-"""MJX's constraint solvers (Newton, CG) on padded batches, by way of the slide-joint models of mujoco_peer.py.
+"""MJX's constraint solvers (Newton, CG) on padded batches, by way of the slide-joint models of mujoco_rows.py.
 
 MJX's own pipeline gives every environment the same rows, with J = 0 where a contact is open, which is what padded.Padded has. J, M,
 free acceleration, target, compliance, friction and friction loss are written into its Data; solver.solve, under jit and vmap, is
@@ -11,7 +11,7 @@ os.environ.setdefault("XLA_PYTHON_CLIENT_PREALLOCATE", "false")  # other program
 
 import jax  # noqa: E402
 import mujoco  # noqa: E402
-import mujoco_peer  # noqa: E402
+import mujoco_rows  # noqa: E402
 import numpy as np  # noqa: E402
 from environments import BOX, FREE, UNILATERAL  # noqa: E402
 from jax import numpy as jnp  # noqa: E402
@@ -33,9 +33,9 @@ class Peer:
             raise ValueError("MJX has contacts of 1, 3, 4 and 6 rows")
         of_kind = {kind: sum(size * cones for own, size, cones, _ in padded.segments if own == kind) for kind in (FREE, BOX, UNILATERAL)}
         address, size = (np.array([contact[k] for contact in contacts], int) for k in (0, 1))
-        model = mujoco_peer.model_of(list(padded.M), 0, padded.rows)
+        model = mujoco_rows.model_of(list(padded.M), 0, padded.rows)
         model.opt.solver, model.opt.impratio = SOLVERS[method], padded.impratio()
-        model.opt.iterations = mujoco_peer.ITERATIONS[method]
+        model.opt.iterations = mujoco_rows.ITERATIONS[method]
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_WARMSTART
         model.dof_frictionloss[:] = of_kind[BOX] > 0
         with jax.enable_x64(self.wide), jax.default_device(self.device):

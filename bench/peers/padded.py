@@ -3,7 +3,6 @@ one has fewer. A row that fills up stands still whatever happens. It has J = 0, 
 0 and nothing feels it."""
 
 import numpy as np
-from boxed import dense
 from environments import BOX, FREE, FRICTION, UNILATERAL
 
 ORDER = (FREE, BOX, UNILATERAL, FRICTION)  # as MuJoCo sorts its rows
@@ -37,7 +36,7 @@ class Padded:
         self.b, self.target, self.R = np.zeros((count, row)), np.zeros((count, row)), np.ones((count, row))
         self.mu, self.bound = np.ones((count, row)), np.zeros((count, row))
         for e, (s, at) in enumerate(zip(some, self.places)):
-            self.A[e][np.ix_(at, at)] = dense(s) - np.diag(s.compliance)
+            self.A[e][np.ix_(at, at)] = s.dense() - np.diag(s.compliance)
             self.J[e, at], self.b[e, at], self.target[e, at], self.R[e, at] = s.J, s.b, s.target, s.compliance
             self.mu[e, at] = np.where(s.row_kinds == FRICTION, s.row_param, 1)
             self.bound[e, at] = np.where(s.row_kinds == BOX, s.row_param, 0)

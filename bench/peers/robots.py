@@ -6,7 +6,7 @@
                             [--forms matrix,factor,jacobian] [--name robots]
 
 Files are contact batches with J, M, v_free and row_target as recorded from MuJoCo; without any, the robots of
-DATA/mujoco. mujoco_peer.py says how MuJoCo is made to solve them. No two environments are the same: of a
+DATA/mujoco. mujoco_rows.py says how MuJoCo is made to solve them. No two environments are the same: of a
 file up to --envs are taken. With --repeat they are repeated until there are so many. MuJoCo: Newton, CG and PGS, one environment after the other, in C. stiction: auto, npgs, subspace and newton, f32 and f64,
 one call for all environments. Three forms say what both sides are given, and so what is timed:
 
@@ -24,7 +24,6 @@ the tables have its median and quartiles. A solver that did not run for a goal d
 NAME.csv, NAME.md and peers_NAME.png.
 """
 
-import argparse
 import pathlib
 import sys
 import tempfile
@@ -34,14 +33,15 @@ import h5py
 import numpy as np
 
 HERE = pathlib.Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE), str(HERE.parent / "studies")]
+sys.path[:0] = [str(HERE), str(HERE.parent / "arena")]
 
 import measure  # noqa: E402
 import mujoco  # noqa: E402
-import mujoco_peer  # noqa: E402
+import mujoco_rows  # noqa: E402
 import systems  # noqa: E402
 from arrays import jacobian_batch, matrix_batch  # noqa: E402
-from roster import JUDGE, SLACK, law_of, load_judge  # noqa: E402
+from judge import SLACK, law_of  # noqa: E402
+from measure import load_judge  # noqa: E402
 
 import stiction  # noqa: E402
 
@@ -178,11 +178,11 @@ def turns(entrants, seconds):
 
 
 def race(robot, functions, arguments):
-    peer = mujoco_peer.Peer(functions, robot.systems)
+    peer = mujoco_rows.Peer(functions, robot.systems)
     rows = []
     for warm in (False, True):
         entrants = [Ours(robot, form, *which, warm) for form in arguments.forms for which in OURS]
-        entrants += [Theirs(robot, peer, solver, warm) for solver in mujoco_peer.SOLVERS]
+        entrants += [Theirs(robot, peer, solver, warm) for solver in mujoco_rows.SOLVERS]
         for goal in arguments.goals:
             entrants = contenders([one for one in entrants if qualify(robot, one, goal, arguments.limit)])
             if len({isinstance(one, Ours) for one in entrants}) < 2:
@@ -216,7 +216,7 @@ def best(rows, **wanted):
 
 
 def told(rows):
-    """The rows that the tables of report() and summary.py tell. For each robot, form, start and goal they are the fastest
+    """The rows that the table of report() tells. For each robot, form, start and goal they are the fastest
     of ours against each of theirs, and auto in f64."""
     races = {}
     for row in rows:
@@ -292,13 +292,7 @@ def draw(rows, goals, path):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("files", nargs="*", type=pathlib.Path)
-    parser.add_argument("--data", type=pathlib.Path, default=measure.ROOT.parent / "shared" / "data")
-    parser.add_argument("--judge", default=JUDGE)
-    parser.add_argument("--results", type=pathlib.Path, default=pathlib.Path("."))
-    parser.add_argument("--images", type=pathlib.Path, default=pathlib.Path("."))
-    parser.add_argument("--goals", type=lambda text: sorted(map(float, text.split(",")), reverse=True), default=[1e-4, 1e-6])
+    parser, files_of = measure.race_arguments(__doc__, ROBOTS)
     parser.add_argument("--envs", type=int, default=64)
     parser.add_argument("--repeat", action="store_true")
     parser.add_argument("--forms", type=lambda text: text.split(","), default=list(FORMS))
@@ -307,20 +301,18 @@ def main():
     parser.add_argument("--limit", type=float, default=0.5, help="seconds after which a solve is not asked for more")
     arguments = parser.parse_args()
     judge = load_judge(arguments.judge)
-    files = arguments.files or [path for path in (arguments.data / "mujoco" / f"{name}.h5" for name in ROBOTS) if path.is_file()]
+    files = files_of(arguments)
     rows = []
     with tempfile.TemporaryDirectory() as folder:
-        functions = mujoco_peer.build(folder)
+        functions = mujoco_rows.build(folder)
         if functions is None or not files:
             sys.exit("no C compiler, no headers of MuJoCo, or no recorded robots: nothing to compare")
         for path in files:
             begin = time.process_time()
             rows += race(Robot(path, arguments.envs, judge, arguments.repeat), functions, arguments)
             print(f"{path.stem}: {time.process_time() - begin:.1f} s", file=sys.stderr, flush=True)
-    written = [{key: f"{value:.4g}" if isinstance(value, float) else value for key, value in row.items()}
-               for row in told(rows)]
     measure.write_table(arguments.results / f"{arguments.name}.csv", ["bench/peers/robots.py", f"machine: {measure.machine_name()}",
-                        f"MuJoCo {mujoco.__version__}, stiction {stiction.__version__}"], COLUMNS, written)
+                        f"MuJoCo {mujoco.__version__}, stiction {stiction.__version__}"], COLUMNS, measure.rounded(told(rows)))
     report(rows, arguments.goals, arguments.results / f"{arguments.name}.md")
     draw(rows, arguments.goals, arguments.images / f"peers_{arguments.name}.png")
 

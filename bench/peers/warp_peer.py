@@ -1,4 +1,4 @@
-"""MuJoCo Warp's constraint solvers (Newton, CG; f32) on padded batches, by way of the slide-joint models of mujoco_peer.py.
+"""MuJoCo Warp's constraint solvers (Newton, CG; f32) on padded batches, by way of the slide-joint models of mujoco_rows.py.
 
 What its pipeline leaves in its Data before solve() is written there. That is J (dense), M, free acceleration, target,
 compliance, friction, friction loss, and for each contact of each world its rows. On a GPU a solve is captured once and
@@ -6,7 +6,7 @@ launched as a graph, as its documentation advises.
 """
 
 import mujoco
-import mujoco_peer
+import mujoco_rows
 import mujoco_warp
 import numpy as np
 import warp
@@ -25,9 +25,9 @@ class Peer:
         warp.config.quiet = True
         self.device, self.on_gpu = device, device.startswith("cuda")
         contacts = padded.contacts()
-        model = mujoco_peer.model_of(list(padded.M), 0, padded.rows, max((size for _, size in contacts), default=1))
+        model = mujoco_rows.model_of(list(padded.M), 0, padded.rows, max((size for _, size in contacts), default=1))
         model.opt.solver, model.opt.impratio = SOLVERS[method], padded.impratio()
-        model.opt.iterations = mujoco_peer.ITERATIONS[method]
+        model.opt.iterations = mujoco_rows.ITERATIONS[method]
         model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_WARMSTART
         with warp.ScopedDevice(device):

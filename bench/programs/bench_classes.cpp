@@ -1,8 +1,8 @@
 // What each size class costs, what a model allows it, and what is lost between the classes. Losses go to batches of
-// few environments, to ragged ones, to planning, and to lanes that wait for one another. Single precision, npgs.
+// few environments, to ragged ones, and to planning. Single precision, npgs.
 //
-//   bench_classes [--device cpu|cuda|emulated] [--parts classes,envs,ragged,plan,lanes] [--threads 1] [--repeats 5]
-//                 [--envs 65536] [--recorded FILE.h5,...] [--csv PATH]
+//   bench_classes [--device cpu|cuda|emulated] [--parts classes,envs,ragged,plan] [--threads 1] [--repeats 5]
+//                 [--envs 65536] [--csv PATH]
 //
 // Batches are in host memory, and on a GPU a whole call copies them: only differences of calls tell what it computes.
 // One CPU thread is measured in CPU time, everything else by the wall clock.
@@ -11,7 +11,6 @@
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
-#include <filesystem>
 #include <map>
 #include <memory>
 
@@ -19,11 +18,9 @@
 #include "bench/support/class_model.hpp"
 #include "bench/support/contact_batch.hpp"
 #include "bench/support/csv.hpp"
-#include "bench/support/lane_share.hpp"
 #include "bench/support/machine.hpp"
 #include "bench/support/table_main.hpp"
 #include "scenes/scenes.hpp"
-#include "stiction/io.hpp"
 #include "stiction/stiction.hpp"
 
 namespace stiction::bench {
@@ -32,13 +29,9 @@ namespace {
 
 using Real = float;
 constexpr SolverKind kSolver = SolverKind::npgs;
-constexpr Index kShort = 20, kLong = 60;       // sweeps of the two calls whose difference is taken
-constexpr double kLeastSeconds = 0.02;         // of one measurement; shorter calls are repeated inside it
-constexpr Offset kEntries = Offset{2} << 20;   // of A in a batch of the classes
-constexpr Index kChunk = 4;                    // iterations between two checks of which environments have finished
-constexpr std::size_t kWarp = 32, kPack = 16;  // lanes that wait for one another
-constexpr std::size_t kIntake = 8;             // lanes of a warp that are free before it loads
-constexpr std::size_t kManyEnvs = 65536;       // environments of the counted schedules
+constexpr Index kShort = 20, kLong = 60;      // sweeps of the two calls whose difference is taken
+constexpr double kLeastSeconds = 0.02;        // of one measurement; shorter calls are repeated inside it
+constexpr Offset kEntries = Offset{2} << 20;  // of A in a batch of the classes
 
 struct Setting {
   Device device;
@@ -46,7 +39,6 @@ struct Setting {
   int threads = 1;
   int repeats = 5;
   Offset most_envs = 65536;
-  std::vector<std::string> recorded;
   Csv* csv = nullptr;
 
   /// Options of a run that takes exactly that many sweeps in every environment.
@@ -57,8 +49,7 @@ struct Setting {
   }
 };
 
-/// One number of the table: what it is of, whether it was timed, counted in integers, computed by a model, or is a
-/// ratio.
+/// One number of the table: what it is of, whether it was timed, computed by a model, or is a ratio.
 struct Line {
   std::string part, name;
   double contacts = 0;  ///< of an environment, on average
@@ -117,7 +108,6 @@ class Problem {
   }
 
   [[nodiscard]] const ContactBatch<Real>& batch() const { return batch_; }
-  [[nodiscard]] const std::vector<EnvStatus>& status() const { return status_; }
   [[nodiscard]] double contacts() const {
     return static_cast<double>(batch_.view().cone_count) / static_cast<double>(batch_.env_count());
   }
@@ -285,88 +275,28 @@ void run_plan(const Setting& setting) {
   }
 }
 
-/// Counts of iterations that a solve really took, through schedules that are counted and not run.
-void count_lanes(const Setting& setting, const std::string& name, const ContactBatch<Real>& batch) {
-  SolverOptions options;
-  options.solver = kSolver;
-  options.tolerance = 1e-4;
-  options.max_iterations = 2000;
-  options.invalid = InvalidPolicy::isolate;
-  Problem problem(setting, batch, options);
-  problem.solve();
-  const ContactBatchView<Real> view = problem.batch().view();
-  // The queue of a device: by class and size, in the batch's order among equals.
-  std::vector<std::pair<int, Index>> queue;
-  for (Offset env = 0; env < view.env_count; ++env) {
-    const SizeClass own = class_of(view, env);
-    if (own == SizeClass::trivial || own <= SizeClass::sparse_block) continue;
-    const Index iterations = problem.status()[static_cast<std::size_t>(env)].iterations;
-    queue.emplace_back(sort_key(own, row_count(view, env)), (iterations + kChunk - 1) / kChunk);
-  }
-  if (queue.empty()) return;
-  std::stable_sort(queue.begin(), queue.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
-  // Repeated, equals behind equals, until a GPU would be full.
-  const std::size_t copies = std::max<std::size_t>(1, kManyEnvs / queue.size());
-  std::vector<Index> chunks;
-  for (std::size_t begin = 0, end = 0; begin < queue.size(); begin = end) {
-    while (end < queue.size() && queue[end].first == queue[begin].first) ++end;
-    for (std::size_t copy = 0; copy < copies; ++copy)
-      for (std::size_t i = begin; i < end; ++i) chunks.push_back(queue[i].second);
-  }
-  std::vector<double> counts(chunks.begin(), chunks.end());
-  const Index most = *std::max_element(chunks.begin(), chunks.end());
-  const double rigid = lock_step(chunks, kWarp).share(), warps = refilled(chunks, kWarp, kIntake).share(),
-               packs = refilled(chunks, kPack).share();
-  std::printf("%-28s %7zu %8zu %8.0f %6d %9.1f%% %9.1f%% %9.1f%%\n", name.c_str(), queue.size(), chunks.size(),
-              median(counts), most, 100 * rigid, 100 * warps, 100 * packs);
-  std::fflush(stdout);
-  const std::pair<const char*, double> shares[] = {{"useful lane-chunks: warps in lock-step", rigid},
-                                                   {"useful lane-chunks: warps, refilled eight at a time", warps},
-                                                   {"useful lane-chunks: packs, refilled one at a time", packs}};
-  for (const auto& [quantity, share] : shares)
-    write(setting, {"lanes", name, problem.contacts(), static_cast<Offset>(chunks.size()), quantity, share, "-",
-                    "counted", problem.residual(), problem.hash()});
-}
-
-void run_lanes(const Setting& setting) {
-  std::printf(
-      "\nlanes: share of lane-chunks that an unfinished environment needed, tolerance 1e-4, dense environments\n");
-  std::printf("%-28s %7s %8s %8s %6s %10s %10s %10s\n", "batch", "solved", "repeated", "median", "most", "lock-step",
-              "warps", "packs");
-  for (const std::string& path : setting.recorded) {
-    const ContactBatch<Real> batch = convert<Real>(io::read_batch(path).batch);
-    count_lanes(setting, std::filesystem::path(path).stem().string(), batch);
-  }
-  for (const std::string scene : {"stack", "walker", "grasp", "mixed"})
-    count_lanes(setting, scene + " (generated)", scene_batch(scene, std::min<Offset>(512, setting.most_envs), 0));
-}
-
 }  // namespace
 
 int run(int argc, char** argv) {
-  const Arguments arguments(
-      argc, argv,
-      {
-          {"--device", "cpu"},
-          {"--parts", "classes,envs,ragged,plan,lanes"},
-          {"--threads", "1"},
-          {"--repeats", "5"},
-          {"--envs", "65536"},
-          {"--recorded", "examples/data/humanoid.h5,examples/data/quadruped_rough.h5,examples/data/hand_cube.h5"},
-      });
+  const Arguments arguments(argc, argv,
+                            {
+                                {"--device", "cpu"},
+                                {"--parts", "classes,envs,ragged,plan"},
+                                {"--threads", "1"},
+                                {"--repeats", "5"},
+                                {"--envs", "65536"},
+                            });
   const std::map<std::string, void (*)(const Setting&)> parts{
-      {"classes", run_classes}, {"envs", run_envs}, {"ragged", run_ragged}, {"plan", run_plan}, {"lanes", run_lanes}};
+      {"classes", run_classes}, {"envs", run_envs}, {"ragged", run_ragged}, {"plan", run_plan}};
   for (const std::string& part : arguments.texts("--parts"))
     if (!parts.contains(part))
-      throw Error(ErrorCode::invalid_argument,
-                  "part '" + part + "' is unknown: use classes, envs, ragged, plan, lanes");
+      throw Error(ErrorCode::invalid_argument, "part '" + part + "' is unknown: use classes, envs, ragged, plan");
   Setting setting;
   setting.device = Device::from_string(arguments.text("--device"));
   setting.device_name = arguments.text("--device");
   setting.threads = arguments.count("--threads", 0);
   setting.repeats = arguments.count("--repeats");
   setting.most_envs = arguments.count("--envs");
-  setting.recorded = arguments.texts("--recorded");
   const auto csv = arguments.csv("part,case,device,contacts,envs,quantity,value,unit,kind,residual,hash");
   setting.csv = csv.get();
   for (const auto& [name, value] : describe_machine()) std::printf("# %s: %s\n", name.c_str(), value.c_str());

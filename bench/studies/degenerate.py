@@ -24,16 +24,20 @@ import subprocess
 import sys
 import tempfile
 
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "arena"))
+
 try:
     import h5py
     import numpy as np
 
     from environments import BOX, FREE, FRICTION, UNILATERAL, Environment, write_batch
-    from roster import SLACK, SOLVERS, load_judge
+    from judge import SLACK
+    from measure import load_judge
 except ImportError as missing:
     print(f"SKIPPED: {missing}")
     sys.exit(77)
 
+SOLVERS = ["pgs", "npgs", "subspace", "nsgs", "jacobi", "apgd", "admm", "newton", "ipm", "lemke", "auto"]
 TOLERANCE = {"f64": 1e-6, "f32": 1e-3}
 CODES = ["solved", "max_iterations", "stalled", "numerical", "invalid_input", "unsupported", "rounding", "infeasible"]
 FLAGS = ["non_finite_input", "negative_friction", "crossed_bounds", "negative_compliance", "bad_diagonal", "warm_start_rejected",

@@ -4,7 +4,6 @@ import pathlib
 
 import gymnasium
 import mujoco
-import numpy as np
 
 MODELS = {"Ant": "ant.xml", "HalfCheetah": "half_cheetah.xml", "Hopper": "hopper.xml", "Walker2d": "walker2d_v5.xml",
           "Humanoid": "humanoid.xml"}

@@ -146,8 +146,8 @@ template <class Real>
 JacobianSolver<Real>& JacobianSolver<Real>::operator=(JacobianSolver&&) noexcept = default;
 
 template <class Real>
-void JacobianSolver<Real>::check(const JacobianBatchView<Real>& batch,
-                                 const JacobianSolutionView<Real>& solution) const {
+void JacobianSolver<Real>::check(const JacobianBatchView<Real>& batch, const JacobianSolutionView<Real>& solution,
+                                 const JacobianStart<Real>& start) const {
   const ScopedFpEnv fp_env;
   const bool on_host = solver_.device().kind == DeviceKind::cpu;
   if (batch.space != (on_host ? MemorySpace::host : MemorySpace::cuda))
@@ -158,15 +158,14 @@ void JacobianSolver<Real>::check(const JacobianBatchView<Real>& batch,
     check_view(batch, capacity_);
   check_array("solution.lambda", solution.lambda, batch.row_count);
   check_array("solution.status", solution.status, batch.env_count);
-  refuse_overlaps(batch, solution, JacobianStart<Real>{});
+  refuse_overlaps(batch, solution, start);
 }
 
 template <class Real>
 void JacobianSolver<Real>::solve(const JacobianBatchView<Real>& batch, const JacobianSolutionView<Real>& solution,
                                  const JacobianStart<Real>& start, StreamRef stream) {
   const ScopedFpEnv fp_env;
-  check(batch, solution);
-  refuse_overlaps(batch, solution, start);
+  check(batch, solution, start);
   if (batch.env_count == 0) return;
   solve_jacobian(*machine_, solver_, batch, solution, start, stream);
 }

@@ -22,8 +22,6 @@ constexpr double kEdge = 20;    // of the picture
 constexpr double kTop = 70;     // under the title
 constexpr double kLeast = 680;  // width that the legend and the spectrum need
 constexpr Index kListedColors = 16;
-constexpr const char* kInk = "#333a45";
-constexpr const char* kPale = "#6b7480";
 
 /// Boxes on shelves, tall ones first, so that those of one shelf are about as tall as each other.
 struct Shelves {
@@ -68,7 +66,7 @@ std::string summary(const GraphStatistics& s) {
 
 void draw_legend(SvgText& svg, Point corner, Point size, const ContactGraph& contacts) {
   svg.rect(corner, size, 8, "#ffffff", "#cfd4db");
-  svg.text({corner.x + 12, corner.y + 19}, 12, "start", kInk, "Colours, and how many pairs of each", true);
+  svg.text({corner.x + 12, corner.y + 19}, 12, "start", graph::kInk, "Colours, and how many pairs of each", true);
   std::vector<Offset> pairs(at(contacts.statistics().color_count), 0);
   for (const GraphManifold& m : contacts.manifolds()) ++pairs[at(m.color)];
   const auto listed = std::min(static_cast<Index>(pairs.size()), kListedColors);
@@ -76,23 +74,23 @@ void draw_legend(SvgText& svg, Point corner, Point size, const ContactGraph& con
     const Index line = color / 4;
     const Point at_chip{corner.x + 12 + 66 * (color % 4), corner.y + 32 + 20 * line};
     svg.rect(at_chip, {14, 10}, 2, graph::color_hex(color), "none");
-    svg.text({at_chip.x + 19, at_chip.y + 9}, 10, "start", kInk,
+    svg.text({at_chip.x + 19, at_chip.y + 9}, 10, "start", graph::kInk,
              std::to_string(color) + ": " + std::to_string(pairs[at(color)]));
   }
   if (at(listed) < pairs.size())
-    svg.text({corner.x + 12, corner.y + 122}, 10, "start", kPale,
+    svg.text({corner.x + 12, corner.y + 122}, 10, "start", graph::kPale,
              "and " + std::to_string(pairs.size() - at(listed)) + " more colours");
   double x = corner.x + 12;
   for (const Index count : {1, 2, 4}) {
     const double y = corner.y + size.y - 56;
     svg.line({x + 2, y}, {x + 28, y}, "#9aa2ad", graph::edge_width(count));
-    svg.text({x + 36, y + 3.5}, 10, "start", kPale, count == 1 ? "1 contact" : std::to_string(count));
+    svg.text({x + 36, y + 3.5}, 10, "start", graph::kPale, count == 1 ? "1 contact" : std::to_string(count));
     x += count == 1 ? 94 : 56;
   }
   const Point foot{corner.x + 22, corner.y + size.y - 18};
   svg.line({foot.x, foot.y - 14}, foot, "#9aa2ad", graph::edge_width(1));
-  graph::draw_hatching(svg, foot, {0, 1}, kPale);
-  svg.text({foot.x + 18, foot.y}, 10, "start", kPale, "touches what never moves");
+  graph::draw_hatching(svg, foot, {0, 1}, graph::kPale);
+  svg.text({foot.x + 18, foot.y}, 10, "start", graph::kPale, "touches what never moves");
 }
 
 }  // namespace
@@ -107,8 +105,8 @@ std::string to_svg(const ContactGraph& graph, const std::string& title) {
   const Shelves shelves = shelve(drawings);
 
   SvgText svg;
-  svg.text({kEdge, 32}, 17, "start", kInk, title, true);
-  svg.text({kEdge, 52}, 12, "start", kPale, summary(stats));
+  svg.text({kEdge, 32}, 17, "start", graph::kInk, title, true);
+  svg.text({kEdge, 52}, 12, "start", graph::kPale, summary(stats));
   for (std::size_t i = 0; i < drawings.size(); ++i) drawings[i].draw(svg, shelves.corner[i]);
   const double width = std::max(shelves.right + kEdge, kLeast);
   const Point legend{kEdge, shelves.bottom + kGap}, legend_size{290, 200};
@@ -118,7 +116,7 @@ std::string to_svg(const ContactGraph& graph, const std::string& title) {
   if (stats.largest_island <= kMaxSpectrumBodies) {
     graph::draw_spectrum(svg, plot, plot_size, laplacian_spectrum(graph), stats.island_count);
   } else {
-    svg.text({plot.x, plot.y + 19}, 11, "start", kPale,
+    svg.text({plot.x, plot.y + 19}, 11, "start", graph::kPale,
              "No spectrum: an island has more than " + std::to_string(kMaxSpectrumBodies) + " bodies.");
   }
   return svg.document({width, legend.y + legend_size.y + kEdge}, title);

@@ -12,8 +12,6 @@ namespace {
 
 constexpr double kHeading = 24;  // height of the line that names an island
 constexpr double kMargin = 14;
-constexpr const char* kInk = "#333a45";
-constexpr const char* kPale = "#6b7480";
 
 /// Sixteen directions, straight down first.
 constexpr double kC1 = 0.9238795325112867, kC2 = 0.7071067811865476, kC3 = 0.3826834323650898;

@@ -6,7 +6,6 @@
 namespace stiction::graph {
 namespace {
 
-constexpr const char* kPale = "#6b7480";
 constexpr const char* kBlue = "#4e79a7";
 constexpr const char* kRed = "#e15759";
 

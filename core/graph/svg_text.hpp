@@ -6,6 +6,10 @@
 
 namespace stiction::graph {
 
+/// Colours of texts: what is read first, and what explains it.
+inline constexpr const char* kInk = "#333a45";
+inline constexpr const char* kPale = "#6b7480";
+
 /// SVG elements, one after the other. Lengths in pixels, y downward; texts are escaped here.
 class SvgText {
  public:

@@ -10,16 +10,9 @@
 namespace stiction::io {
 namespace {
 
-void require_length(const char* what, std::size_t found, std::size_t expected) {
-  if (found == 0 || found == expected) return;
-  throw Error(ErrorCode::invalid_argument, std::string("write_batch: recording.") + what + " has " +
-                                               std::to_string(found) + " elements, expected " +
-                                               std::to_string(expected) + " or none");
-}
-
 void require_csr(const char* name, const Csr& matrix, std::size_t rows) {
   const std::string text = name;
-  require_length((text + ".ptr").c_str(), matrix.ptr.size(), rows + 1);
+  require_length("write_batch: recording." + text + ".ptr", matrix.ptr.size(), rows + 1);
   const bool ends = matrix.ptr.empty() || matrix.ptr.back() == static_cast<Offset>(matrix.val.size());
   if (matrix.col.size() != matrix.val.size() || !ends) {
     throw Error(ErrorCode::invalid_argument,
@@ -38,7 +31,7 @@ void check(const Recording& recording) {
   const auto& arrays = recording.batch.arrays();
   const std::size_t envs = arrays.env_row_offsets.size() - 1;
   const std::size_t rows = arrays.b.size();
-  require_length("env_dof_offsets", recording.env_dof_offsets.size(), envs + 1);
+  require_length("write_batch: recording.env_dof_offsets", recording.env_dof_offsets.size(), envs + 1);
   const std::size_t dofs =
       recording.env_dof_offsets.empty() ? 0 : static_cast<std::size_t>(recording.env_dof_offsets.back());
   const bool dynamics =
@@ -49,14 +42,14 @@ void check(const Recording& recording) {
   }
   require_csr("J", recording.J, rows);
   require_csr("M", recording.M, dofs);
-  require_length("v_free", recording.v_free.size(), dofs);
-  require_length("v_ref", recording.v_ref.size(), dofs);
-  require_length("row_target", recording.row_target.size(), rows);
-  require_length("lambda_ref", recording.lambda_ref.size(), rows);
-  require_length("env_name", recording.env_name.size(), envs);
-  require_length("step", recording.step.size(), envs);
-  require_length("dt", recording.dt.size(), envs);
-  require_length("cone_id", recording.cone_id.size(), arrays.cone_kind.size());
+  require_length("write_batch: recording.v_free", recording.v_free.size(), dofs);
+  require_length("write_batch: recording.v_ref", recording.v_ref.size(), dofs);
+  require_length("write_batch: recording.row_target", recording.row_target.size(), rows);
+  require_length("write_batch: recording.lambda_ref", recording.lambda_ref.size(), rows);
+  require_length("write_batch: recording.env_name", recording.env_name.size(), envs);
+  require_length("write_batch: recording.step", recording.step.size(), envs);
+  require_length("write_batch: recording.dt", recording.dt.size(), envs);
+  require_length("write_batch: recording.cone_id", recording.cone_id.size(), arrays.cone_kind.size());
   if (recording.solve) check_recorded_solve(*recording.solve, rows);
 }
 

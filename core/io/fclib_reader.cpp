@@ -8,10 +8,6 @@
 namespace stiction::io {
 namespace {
 
-// FCLIB's storage codes (its `nz`); any other non-negative number counts triplets.
-constexpr std::int64_t kByColumns = -1;
-constexpr std::int64_t kByRows = -2;
-
 /// Reads a matrix of FCLIB. In triplets `i` is the row and `p` the column, as all public files have it (the comment in
 /// fclib.h says the opposite). nzmax is ignored, since it may exceed what is used; duplicates add up.
 Csr read_matrix(const InputFile& file, const std::string& path, std::size_t rows, std::size_t cols) {

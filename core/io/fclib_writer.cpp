@@ -9,8 +9,6 @@
 namespace stiction::io {
 namespace {
 
-constexpr std::int32_t kByRows = -2;
-
 [[noreturn]] void refuse(const std::string& sentence) {
   throw Error(ErrorCode::invalid_argument, "write_fclib_local: " + sentence);
 }

@@ -5,8 +5,7 @@
 #include <cstring>
 #include <fstream>
 
-#include "core/io/dataset_check.hpp"
-#include "core/io/header_check.hpp"
+#include "core/io/guard/header_check.hpp"
 #include "stiction/error.hpp"
 
 namespace stiction::io {
@@ -145,7 +144,7 @@ InputFile::Dataset InputFile::open(const std::string& path, Values values, std::
 
   dataset.type = Handle(H5Dget_type(dataset.id.get()), H5Tclose);
   if (!dataset.type.ok()) refuse_dataset(path, "has an unreadable type" + hdf5_reason());
-  check_type(path, dataset.type.get(), values);
+  if (const std::string defect = type_defect(dataset.type.get(), values); !defect.empty()) refuse_dataset(path, defect);
 
   const Handle space(H5Dget_space(dataset.id.get()), H5Sclose);
   const int rank = space.ok() ? H5Sget_simple_extent_ndims(space.get()) : -1;
@@ -157,7 +156,8 @@ InputFile::Dataset InputFile::open(const std::string& path, Values values, std::
     refuse_dataset(path, "has " + std::to_string(extent) + " elements, expected " + std::to_string(*length));
   }
   dataset.count = static_cast<std::size_t>(extent);
-  check_storage(path, dataset);
+  const Claim claim{dataset.id.get(), dataset.type.get(), dataset.count};
+  if (const std::string defect = storage_defect(claim, file_bytes_); !defect.empty()) refuse_dataset(path, defect);
   return dataset;
 }
 

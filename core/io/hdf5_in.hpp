@@ -10,8 +10,9 @@
 #include <type_traits>
 #include <vector>
 
-#include "core/io/hdf5_session.hpp"
-#include "core/io/text_heap.hpp"
+#include "core/io/guard/dataset_check.hpp"
+#include "core/io/guard/hdf5_session.hpp"
+#include "core/io/guard/text_heap.hpp"
 
 namespace stiction::io {
 
@@ -55,16 +56,12 @@ class InputFile {
   [[noreturn]] void refuse_dataset(const std::string& path, const std::string& what) const;
 
  private:
-  enum class Values { real, integer, text };
   struct Dataset {
     Handle id;
     Handle type;
     std::size_t count = 0;
   };
   [[nodiscard]] Dataset open(const std::string& path, Values values, std::optional<std::size_t> length) const;
-  void check_type(const std::string& path, hid_t type, Values values) const;
-  void check_storage(const std::string& path, const Dataset& dataset) const;
-  void check_chunks(const std::string& path, const Dataset& dataset, hid_t properties, std::size_t bytes) const;
   void read(const std::string& path, const Dataset& dataset, hid_t memory_type, void* out) const;
   [[nodiscard]] bool is_unsigned_64(const Dataset& dataset) const;
   [[nodiscard]] std::vector<std::int64_t> wide_integers(const std::string& path,

@@ -221,4 +221,10 @@ void put_on_disk(const std::filesystem::path& written, const std::filesystem::pa
   force_to_disk(path.has_parent_path() ? path.parent_path() : std::filesystem::path("."));
 }
 
+void require_length(const std::string& what, std::size_t found, std::size_t expected) {
+  if (found == 0 || found == expected) return;
+  throw Error(ErrorCode::invalid_argument,
+              what + " has " + std::to_string(found) + " elements, expected " + std::to_string(expected) + " or none");
+}
+
 }  // namespace stiction::io

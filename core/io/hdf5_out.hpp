@@ -6,10 +6,13 @@
 #include <string>
 #include <vector>
 
-#include "core/io/hdf5_session.hpp"
+#include "core/io/guard/hdf5_session.hpp"
 #include "stiction/types.hpp"
 
 namespace stiction::io {
+
+/// Refuses an array that is neither empty nor of the expected length. \throws Error, which begins with `what`.
+void require_length(const std::string& what, std::size_t found, std::size_t expected);
 
 /// An HDF5 file being written. HDF5 writes it into memory, and commit() to a file beside its destination, to which that
 /// is renamed. So a reader never sees half a file and a failed write leaves what was there. HDF5 1.10 must not meet a

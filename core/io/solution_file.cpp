@@ -8,13 +8,6 @@ namespace {
 
 constexpr const char* kFormat = "contact-solution";
 
-void require_length(const char* what, std::size_t found, std::size_t expected) {
-  if (found == 0 || found == expected) return;
-  throw Error(ErrorCode::invalid_argument, std::string("write_solution: solution.") + what + " has " +
-                                               std::to_string(found) + " elements, expected " +
-                                               std::to_string(expected) + " or none");
-}
-
 /// One member of every record, as an array.
 template <class T, class Member>
 std::vector<T> column(const std::vector<EnvStatus>& status, Member member) {
@@ -139,14 +132,14 @@ SolutionFile read_solution(const InputFile& file) {
 
 void write_solution(const std::filesystem::path& path, const SolutionFile& solution) {
   const ScopedFpEnv fp_env;
-  require_length("w", solution.w.size(), solution.lambda.size());
+  require_length("write_solution: solution.w", solution.w.size(), solution.lambda.size());
   if (solution.shard && solution.env_row_offsets.empty())
     throw Error(ErrorCode::invalid_argument, "write_solution: solution.env_row_offsets is empty, shard needs it");
   if (!solution.status.empty()) {
     if (solution.env_row_offsets.empty()) {
       throw Error(ErrorCode::invalid_argument, "write_solution: solution.env_row_offsets is empty, status needs it");
     }
-    require_length("status", solution.status.size(), solution.env_row_offsets.size() - 1);
+    require_length("write_solution: solution.status", solution.status.size(), solution.env_row_offsets.size() - 1);
   }
   if (!solution.env_row_offsets.empty() &&
       solution.env_row_offsets.back() != static_cast<Offset>(solution.lambda.size())) {

@@ -6,6 +6,9 @@
 
 namespace stiction::io {
 
+/// FCLIB's storage codes, its `nz`. A number that is not negative counts triplets.
+inline constexpr int kByColumns = -1, kByRows = -2;
+
 /// Entries of a sparse matrix in any order; entries of the same place add up.
 struct Triplets {
   std::vector<Index> row, col;

@@ -39,7 +39,7 @@ struct JvpJob : DerivativeJob<Real> {
 };
 
 /// What lanes found of an environment, or of a part of one, whose cotangents they pull back.
-struct AdjointResult {
+struct JacobianVjpResult {
   double scale = 0.0;             ///< max|b| of the whole environment, where this is a part; 0: it is the whole  [w]
   double square = 0.0;            ///< of the adjoint's residual, the largest of all sets                         [-]
   double forward_residual = 0.0;  ///< relative to that scale                                                     [-]
@@ -50,7 +50,7 @@ struct AdjointResult {
 
 /// What is found of environments that are pulled back side by side, before others are looked at one by one.
 template <class Real>
-struct AdjointLanes {
+struct JacobianVjpLanes {
   Real* adjoint = nullptr;           ///< a, (32) of docs/math/derivative.md  (count * dof_count)
   Real* moved = nullptr;             ///< M^-1 J' lambda                      (dof_count)
   std::uint8_t* answered = nullptr;  ///< 1: all but cotangents of J and M is written; null: none is  (env_count)
@@ -65,7 +65,7 @@ struct JacobianVjpJob {
   JacobianBatchCotangentView<Real> gradients;
   Real* seed;  ///< by the reactions, with what velocities depend on them  (count * row_count)
   Real* nu;    ///< by b                                                   (count * row_count)
-  AdjointLanes<Real> lanes;
+  JacobianVjpLanes<Real> lanes;
   bool has_jacobian = true;  ///< else there is nothing to assemble, and `contact` is all
 
   [[nodiscard]] STICTION_HD bool is_answered(Offset env) const {

@@ -4,6 +4,9 @@
 
 namespace stiction {
 
+/// Colour of a vertex that has none yet.
+inline constexpr Index kUncolored = -1;
+
 /// A plan's arrays as kernels read them (host or device memory); shapes in core/plan/plan.hpp.
 struct PlanView {
   const EnvPath* path = nullptr;

@@ -1,11 +1,10 @@
 #include "core/plan/color.hpp"
 
 #include "core/base/extents.hpp"
+#include "core/job/plan_view.hpp"
 
 namespace stiction {
 namespace {
-
-constexpr Index kUncolored = -1;
 
 /// Vertices by decreasing degree, ties by index: a counting sort, which is stable and never compares.
 std::vector<Index> largest_degree_first(std::span<const Index> offsets, Index vertex_count) {

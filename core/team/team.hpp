@@ -1,12 +1,16 @@
 #pragma once
 
 #include <concepts>
+#include <cstddef>
 #include <cstdint>
 
 #include "core/base/real.hpp"
 #include "core/base/strided.hpp"
 
 namespace stiction::inline STICTION_ISA {
+
+/// Most bytes of a value that the threads of a team exchange.
+inline constexpr std::size_t kTeamValueBytes = 64;
 
 /// The team of lanes that owns one environment. An algorithm is a sequence of phases over a Team (phases.hpp) and
 /// never sees a thread, a warp or a barrier. So one text runs on a GPU thread, a GPU block and a CPU core. In the

@@ -12,6 +12,7 @@ template FinalResidual final_residual<false>(SerialTeam&, const EnvView<double>&
                                              const IslandShares<double>&, const ErrorScale&);
 #else
 STICTION_SHARED_BODIES(, SerialTeam)
+STICTION_SHARED_SWEEPS()
 #endif
 #if STICTION_VECTOR_BYTES > 0
 STICTION_SHARED_LANES(, float)

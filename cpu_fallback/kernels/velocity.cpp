@@ -1,5 +1,5 @@
 #include "cpu_fallback/pack/lane_packs.hpp"
-#include "cpu_fallback/tables/velocity_adjoint.hpp"
+#include "cpu_fallback/tables/jacobian_vjp.hpp"
 #include "cpu_fallback/tables/velocity_kernels.hpp"
 
 namespace stiction::inline STICTION_ISA {
@@ -35,7 +35,7 @@ void solve_all(const VelocityJob<Real>& job, const LaneEnv<Real>* envs, Offset c
 
 template <class Real>
 cpu::VelocityKernels<Real> kernels() {
-  return {kLanesHere<Real>, solve_all<Real>, pull_all<Real>};
+  return {kLanesHere<Real>, solve_all<Real>, jacobian_vjp_all<Real>};
 }
 
 }  // namespace

@@ -84,7 +84,7 @@ class CpuContactMachine final : public ContactMachine {
     const SolverOptions& options = request.options;
     const PlanData& plan = *request.plan;
     const cpu::KernelSet set = isa_.kernels(solver);
-    const cpu::SingleKernels<Real>& single = set.single.of<Real>(request.law);
+    const cpu::SingleKernels<Real>& single = cpu::of_precision<Real>(set.single);
     const cpu::PackKernels<Real>& packs = set.packs.of<Real>(request.law);
     const int threads = cpu::thread_count(options.threads);
     const auto matrix_bytes = [&](const ConeCounts& slots) {
@@ -115,10 +115,10 @@ class CpuContactMachine final : public ContactMachine {
     const int threads = cpu::thread_count(request.options.threads);
     std::vector<EnvFeatures> seen(static_cast<std::size_t>(envs));
     std::vector<int> assigned(static_cast<std::size_t>(envs));
-    constexpr Offset kRun = 64;
-    cpu::parallel_for(threads, static_cast<int>((envs + kRun - 1) / kRun), [&](int run, int) {
+    constexpr Offset kEnvsPerChoice = 64;
+    cpu::parallel_for(threads, static_cast<int>((envs + kEnvsPerChoice - 1) / kEnvsPerChoice), [&](int run, int) {
       SerialTeam team;
-      for (Offset env = run * kRun; env < envs && env < (run + 1) * kRun; ++env) {
+      for (Offset env = run * kEnvsPerChoice; env < envs && env < (run + 1) * kEnvsPerChoice; ++env) {
         const auto e = static_cast<std::size_t>(env);
         EnvView<Real> view = slice(job, env);
         view.is_full = job.full_rows != nullptr && job.full_rows[env] == FullRows::known;

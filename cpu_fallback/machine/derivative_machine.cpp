@@ -8,7 +8,7 @@
 
 #include "core/base/extents.hpp"
 #include "core/machine/jacobian_machine.hpp"
-#include "cpu_fallback/machine/adjoint_parts.hpp"
+#include "cpu_fallback/machine/jacobian_vjp_parts.hpp"
 #include "cpu_fallback/machine/run_length.hpp"
 #include "cpu_fallback/tables/isa.hpp"
 #include "cpu_fallback/tables/scratch.hpp"
@@ -18,17 +18,9 @@ namespace stiction {
 
 namespace {
 
-template <class Real, class Set>
-auto of_precision(const Set& set) {
-  if constexpr (std::is_same_v<Real, float>) {
-    return set.f32;
-  } else {
-    return set.f64;
-  }
-}
 template <class Real>
 cpu::DerivativeKernels<Real> pick() {
-  return of_precision<Real>(cpu::best_isa().derivative());
+  return cpu::of_precision<Real>(cpu::best_isa().derivative());
 }
 
 /// Environments that one thread takes at a time: less would cost more than it shares.
@@ -67,7 +59,7 @@ void run_job(const Job& job, const View& batch, int threads, double kappa, const
 
 /// The environments that packs take, like sizes side by side.
 template <class Real>
-std::vector<Offset> taken_by(const cpu::PullKernel<Real>& packs, const VjpJob<Real>& job, int threads) {
+std::vector<Offset> taken_by(const cpu::VjpPackKernel<Real>& packs, const VjpJob<Real>& job, int threads) {
   const ContactBatchView<Real>& batch = job.batch;
   std::vector<std::uint8_t> is_taken(static_cast<std::size_t>(batch.env_count));
   cpu::parallel_for(threads, batch.env_count, [&](Offset begin, Offset end) {
@@ -82,9 +74,9 @@ std::vector<Offset> taken_by(const cpu::PullKernel<Real>& packs, const VjpJob<Re
 
 /// Pulls a batch of contacts back: side by side what packs take, one by one what is left.
 template <class Real>
-void pull_contacts(const VjpJob<Real>& job, int threads, const cpu::DerivativeKernels<Real>& kernels) {
+void vjp_of_contacts(const VjpJob<Real>& job, int threads, const cpu::DerivativeKernels<Real>& kernels) {
   const Offset envs = job.batch.env_count;
-  const cpu::PullKernel<Real>& packs = kernels.pull;
+  const cpu::VjpPackKernel<Real>& packs = kernels.vjp_packs;
   if (packs.width == 1) return for_each_env(job, envs, threads, kernels.vjp);
   const std::vector<Offset> taken = taken_by(packs, job, threads);
   const auto count = static_cast<Offset>(taken.size()), run = Offset{2} * packs.width;
@@ -101,17 +93,17 @@ void pull_contacts(const VjpJob<Real>& job, int threads, const cpu::DerivativeKe
 
 /// Pulls back what lanes take. Scratch grows with the packs, whose size is known when they are merged.
 template <class Real>
-void pull_in_lanes(const JacobianVjpJob<Real>& job, int threads) {
-  cpu::AdjointParts<Real> parts(job);
+void vjp_in_lanes(const JacobianVjpJob<Real>& job, int threads) {
+  cpu::JacobianVjpParts<Real> parts(job);
   const std::span<const LaneEnv<Real>> all = parts.all();
-  const cpu::VelocityKernels<Real> kernels = of_precision<Real>(cpu::best_isa().velocity());
+  const cpu::VelocityKernels<Real> kernels = cpu::of_precision<Real>(cpu::best_isa().velocity());
   const int workers = cpu::thread_count(threads);
   const auto count = static_cast<Offset>(all.size()), run = cpu::run_length(count, kernels.width, workers);
   std::vector<cpu::VelocityScratch> scratch(static_cast<std::size_t>(workers));
   cpu::parallel_for(workers, static_cast<int>((count + run - 1) / run), [&](int index, int worker) {
     const Offset begin = index * run;
-    kernels.pull(job, all.data() + begin, parts.results() + begin, smaller_of(run, count - begin),
-                 scratch[static_cast<std::size_t>(worker)]);
+    kernels.vjp(job, all.data() + begin, parts.results() + begin, smaller_of(run, count - begin),
+                scratch[static_cast<std::size_t>(worker)]);
   });
   parts.finish();
 }
@@ -131,7 +123,7 @@ void run_jacobian_job(Job job, int threads, double kappa, const cpu::DerivativeK
       std::vector<Real> adjoint(dofs * static_cast<std::size_t>(job.contact.count)), moved(dofs);
       std::vector<std::uint8_t> answered(static_cast<std::size_t>(batch.env_count));
       job.lanes = {adjoint.data(), moved.data(), answered.data()};
-      pull_in_lanes(job, threads);
+      vjp_in_lanes(job, threads);
       return run_job<Real>(job, batch, threads, kappa, exact, relaxed);
     }
   }
@@ -142,39 +134,39 @@ class CpuDerivativeMachine final : public DerivativeMachine {
  public:
   CpuDerivativeMachine(int threads, double kappa) : threads_(threads), kappa_(kappa) {}
 
-  void vjp(const VjpJob<float>& job, StreamRef) override { pull(job); }
-  void vjp(const VjpJob<double>& job, StreamRef) override { pull(job); }
-  void jvp(const JvpJob<float>& job, StreamRef) override { push(job); }
-  void jvp(const JvpJob<double>& job, StreamRef) override { push(job); }
-  void vjp(const JacobianVjpJob<float>& job, StreamRef) override { pull(job); }
-  void vjp(const JacobianVjpJob<double>& job, StreamRef) override { pull(job); }
-  void jvp(const JacobianJvpJob<float>& job, StreamRef) override { push(job); }
-  void jvp(const JacobianJvpJob<double>& job, StreamRef) override { push(job); }
-  void unrolled_vjp(const UnrolledJob<float>& job, StreamRef) override { unroll(job); }
-  void unrolled_vjp(const UnrolledJob<double>& job, StreamRef) override { unroll(job); }
+  void vjp(const VjpJob<float>& job, StreamRef) override { run_vjp(job); }
+  void vjp(const VjpJob<double>& job, StreamRef) override { run_vjp(job); }
+  void jvp(const JvpJob<float>& job, StreamRef) override { run_jvp(job); }
+  void jvp(const JvpJob<double>& job, StreamRef) override { run_jvp(job); }
+  void vjp(const JacobianVjpJob<float>& job, StreamRef) override { run_vjp(job); }
+  void vjp(const JacobianVjpJob<double>& job, StreamRef) override { run_vjp(job); }
+  void jvp(const JacobianJvpJob<float>& job, StreamRef) override { run_jvp(job); }
+  void jvp(const JacobianJvpJob<double>& job, StreamRef) override { run_jvp(job); }
+  void unrolled_vjp(const UnrolledJob<float>& job, StreamRef) override { run_unrolled(job); }
+  void unrolled_vjp(const UnrolledJob<double>& job, StreamRef) override { run_unrolled(job); }
   void synchronize(StreamRef) override {}
 
  private:
   template <class Real>
-  void pull(const VjpJob<Real>& job) const {
+  void run_vjp(const VjpJob<Real>& job) const {
     const cpu::DerivativeKernels<Real> kernels = pick<Real>();
-    if (kappa_ == 0.0) return pull_contacts(job, threads_, kernels);
+    if (kappa_ == 0.0) return vjp_of_contacts(job, threads_, kernels);
     run_job<Real>(job, job.batch, threads_, kappa_, kernels.vjp, kernels.relaxed_vjp);
   }
   template <class Real>
-  void push(const JvpJob<Real>& job) const {
+  void run_jvp(const JvpJob<Real>& job) const {
     run_job<Real>(job, job.batch, threads_, kappa_, pick<Real>().jvp, pick<Real>().relaxed_jvp);
   }
   template <class Real>
-  void pull(const JacobianVjpJob<Real>& job) const {
+  void run_vjp(const JacobianVjpJob<Real>& job) const {
     run_jacobian_job<Real>(job, threads_, kappa_, pick<Real>().jacobian_vjp, pick<Real>().relaxed_jacobian_vjp);
   }
   template <class Real>
-  void push(const JacobianJvpJob<Real>& job) const {
+  void run_jvp(const JacobianJvpJob<Real>& job) const {
     run_jacobian_job<Real>(job, threads_, kappa_, pick<Real>().jacobian_jvp, pick<Real>().relaxed_jacobian_jvp);
   }
   template <class Real>
-  void unroll(const UnrolledJob<Real>& job) const {
+  void run_unrolled(const UnrolledJob<Real>& job) const {
     for_each_env(job, job.batch.env_count, threads_, pick<Real>().unrolled_vjp);
   }
 

@@ -4,7 +4,6 @@
 #include <limits>
 #include <numeric>
 #include <span>
-#include <type_traits>
 #include <vector>
 
 #include "core/algorithm/jacobian/jacobian_batch.hpp"
@@ -19,18 +18,9 @@ namespace stiction {
 
 namespace {
 
-/// The kernels of a precision.
-template <class Real, class Set>
-auto of_precision(const Set& set) {
-  if constexpr (std::is_same_v<Real, float>) {
-    return set.f32;
-  } else {
-    return set.f64;
-  }
-}
 template <class Real>
 cpu::JacobianKernels<Real> pick() {
-  return of_precision<Real>(cpu::best_isa().jacobian());
+  return cpu::of_precision<Real>(cpu::best_isa().jacobian());
 }
 
 /// kernel(job, env, scratch) for every environment; scratch() is memory for as many elements as it needs.
@@ -152,7 +142,7 @@ class CpuJacobianMachine final : public JacobianMachine<Real> {
     job.to = answers_;
     job.answered = arrays_.answered;
     const std::span<const LaneEnv<Real>> parts = newton_parts_.list(job, arrays_.flags);
-    const cpu::VelocityKernels<Real> kernels = of_precision<Real>(cpu::best_isa().velocity());
+    const cpu::VelocityKernels<Real> kernels = cpu::of_precision<Real>(cpu::best_isa().velocity());
     const int threads = cpu::thread_count(threads_);
     if (newton_scratch_.size() < static_cast<std::size_t>(threads))
       newton_scratch_ = std::vector<cpu::VelocityScratch>(static_cast<std::size_t>(threads));

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cstddef>
 #include <numeric>
-#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -19,22 +18,13 @@ namespace {
 constexpr Offset kRun = 16;
 
 template <class Real>
-const cpu::WorldKernels<Real>& pick(const cpu::WorldKernelSet& set) {
-  if constexpr (std::is_same_v<Real, float>) {
-    return set.f32;
-  } else {
-    return set.f64;
-  }
-}
-
-template <class Real>
 class CpuWorldMachine final : public WorldMachine<Real> {
  public:
   CpuWorldMachine(const WorldModelView<Real>& model, Offset env_count, const WorldOptions& options)
       : env_count_(env_count),
         threads_(cpu::thread_count(options.solver.threads)),
         keep_(static_cast<Real>(options.warm_start)),
-        kernels_(pick<Real>(cpu::best_isa().world_kernels())),
+        kernels_(cpu::of_precision<Real>(cpu::best_isa().world_kernels())),
         arrays_(model, env_count),
         last_(arrays_.contacts),
         memory_(at(threads_)),

@@ -245,7 +245,7 @@ void solve_pack(const cpu::Job<Real>& job, const Offset* envs, Offset count, con
                  [&](int k) { return Run(job, queue, slots, scratch + k * Run::scratch_elements(slots)); });
 }
 
-template <class Method, Law kLaw, class Real>
+template <class Method, class Real>
 Offset one_elements(const cpu::Job<Real>& job, Offset env) {
   const EnvView<Real> view = slice(job, env);
   const Workspace workspace = Method::workspace().up_to(job.direct_rows);
@@ -255,7 +255,8 @@ Offset one_elements(const cpu::Job<Real>& job, Offset env) {
   return SparseSystem<Real>::elements(view.n, view.cone_count, view.entry_span(), workspace);
 }
 
-template <class Method, Law kLaw, class Real>
+/// Solves one environment, under either law: what takes the time asks for the law once a sweep, or not at all.
+template <class Method, class Real>
 void solve_one(const cpu::Job<Real>& job, Offset env, Real* scratch) {
   const StopRule rule = stop_rule(job, env);
   const MethodParams<Real> params{job.omega, job.is_fallback_stage()};
@@ -266,22 +267,22 @@ void solve_one(const cpu::Job<Real>& job, Offset env, Real* scratch) {
     write_empty(team, view, Method::kKind);
   } else if (job.plan.path[env] == EnvPath::dense) {
     DenseSystem<Real> system(view.counts, workspace, scratch);
-    solve_environment<Method, kLaw>(team, view, system, params, rule);
+    solve_environment<Method, kLawOfSystem>(team, view, system, params, rule);
   } else if (job.plan.path[env] == EnvPath::factor) {
     FactorSystem<Real> system(view, workspace, scratch);
-    solve_environment<Method, kLaw>(team, view, system, params, rule);
+    solve_environment<Method, kLawOfSystem>(team, view, system, params, rule);
   } else {
     SparseSystem<Real> system(view, workspace, scratch);
-    solve_environment<Method, kLaw>(team, view, system, params, rule);
+    solve_environment<Method, kLawOfSystem>(team, view, system, params, rule);
   }
 }
 
-template <class Method, Law kLaw, class Real>
+template <class Method, class Real>
 cpu::SingleKernels<Real> single_kernels() {
   if constexpr (kPacksAlone) {
     return {};
   } else {
-    return {one_elements<Method, kLaw, Real>, solve_one<Method, kLaw, Real>};
+    return {one_elements<Method, Real>, solve_one<Method, Real>};
   }
 }
 
@@ -297,8 +298,7 @@ cpu::PackKernels<Real> pack_kernels() {
 template <class Method>
 cpu::KernelSet kernel_set() {
   constexpr Law kConvex = Law::convex, kCoulomb = Law::coulomb;
-  return {{{single_kernels<Method, kConvex, float>(), single_kernels<Method, kCoulomb, float>()},
-           {single_kernels<Method, kConvex, double>(), single_kernels<Method, kCoulomb, double>()}},
+  return {{single_kernels<Method, float>(), single_kernels<Method, double>()},
           {{pack_kernels<Method, kConvex, float>(), pack_kernels<Method, kCoulomb, float>()},
            {pack_kernels<Method, kConvex, double>(), pack_kernels<Method, kCoulomb, double>()}}};
 }

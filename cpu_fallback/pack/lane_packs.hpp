@@ -1,6 +1,6 @@
 #pragma once
 
-#include "core/algorithm/derivative/adjoint_workspace.hpp"
+#include "core/algorithm/derivative/jacobian_vjp_workspace.hpp"
 #include "core/algorithm/velocity/solve_pack.hpp"
 #include "cpu_fallback/pack/alike.hpp"
 #include "cpu_fallback/pack/pack_width.hpp"
@@ -16,8 +16,8 @@ struct PackMemory {
   VelocityWorkspace<Types> numbers(const SlotCounts& counts, Index dofs, Index tree_entries) const {
     return make<VelocityWorkspace<Types>>(counts, dofs, tree_entries);
   }
-  AdjointWorkspace<Types> adjoint_numbers(const SlotCounts& counts, Index dofs, Index tree_entries) const {
-    return make<AdjointWorkspace<Types>>(counts, dofs, tree_entries);
+  JacobianVjpWorkspace<Types> jacobian_vjp_numbers(const SlotCounts& counts, Index dofs, Index tree_entries) const {
+    return make<JacobianVjpWorkspace<Types>>(counts, dofs, tree_entries);
   }
 
  private:

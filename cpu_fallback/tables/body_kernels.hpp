@@ -51,27 +51,10 @@ struct BodyPackKernels {
                 double* exact) = nullptr;
 };
 
-/// One table for each precision and law of contacts, boxed friction among them.
-template <template <class> class Table>
-struct ByContactLaw {
-  Table<float> f32[kContactLaws];
-  Table<double> f64[kContactLaws];
-
-  template <class Real>
-  [[nodiscard]] const Table<Real>& of(Law law) const {
-    const auto index = static_cast<std::size_t>(law);
-    if constexpr (std::is_same_v<Real, float>) {
-      return f32[index];
-    } else {
-      return f64[index];
-    }
-  }
-};
-
-/// Sequential impulses. Instruction sets replace `packs` whole.
+/// Sequential impulses, by every law of contacts, boxed friction among them. Instruction sets replace `packs` whole.
 struct BodyKernelSet {
-  ByContactLaw<BodySingleKernels> single;
-  ByContactLaw<BodyPackKernels> packs;
+  ByPrecisionAndLaw<BodySingleKernels, kContactLaws> single;
+  ByPrecisionAndLaw<BodyPackKernels, kContactLaws> packs;
 };
 using NewtonBodyKernelSet = ByPrecisionAndLaw<NewtonBodyKernels>;
 

@@ -12,7 +12,7 @@ struct Job : SolveJob<Real> {
   const FullRows* full_rows = nullptr;  ///< of each environment, or null: not looked at  (env_count)
 };
 
-/// One solver under one law on one environment at a time, of any path.
+/// One solver on one environment at a time, of any path and either law.
 template <class Real>
 struct SingleKernels {
   Offset (*elements)(const Job<Real>& job, Offset env) = nullptr;  ///< scratch it needs, in numbers of Real
@@ -31,7 +31,7 @@ struct PackKernels {
 
 /// One solver. Instruction sets replace `packs` whole: what belongs together is never assigned field by field.
 struct KernelSet {
-  ByPrecisionAndLaw<SingleKernels> single;
+  ByPrecision<SingleKernels> single;
   ByPrecisionAndLaw<PackKernels> packs;
 };
 

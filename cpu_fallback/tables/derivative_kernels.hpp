@@ -15,7 +15,7 @@ struct DerivativeKernel {
 
 /// Environments of contacts that are pulled back side by side, with the bits of one by one.
 template <class Real>
-struct PullKernel {
+struct VjpPackKernel {
   Index width = 1;  ///< environments of a pack; 1: there are no packs
   bool (*takes)(const VjpJob<Real>& job, Offset env) = nullptr;
   /// Takes environments that follow one another in `envs`, and marks in `answered` those that it has answered.
@@ -24,9 +24,9 @@ struct PullKernel {
 };
 
 /// Kernels of both precisions.
-struct PullKernelSet {
-  PullKernel<float> f32;
-  PullKernel<double> f64;
+struct VjpPackKernelSet {
+  VjpPackKernel<float> f32;
+  VjpPackKernel<double> f64;
 };
 
 /// The derivatives of one environment, compiled for one instruction set.
@@ -41,7 +41,7 @@ struct DerivativeKernels {
   DerivativeKernel<RelaxedJob<JacobianVjpJob<Real>, Real>> relaxed_jacobian_vjp;
   DerivativeKernel<RelaxedJob<JacobianJvpJob<Real>, Real>> relaxed_jacobian_jvp;
   DerivativeKernel<UnrolledJob<Real>> unrolled_vjp;
-  PullKernel<Real> pull;
+  VjpPackKernel<Real> vjp_packs;
 };
 
 /// Kernels of both precisions.
@@ -50,10 +50,10 @@ struct DerivativeKernelSet {
   DerivativeKernels<double> f64;
 
   /// These, with packs of another instruction set.
-  [[nodiscard]] DerivativeKernelSet with(const PullKernelSet& packs) const {
+  [[nodiscard]] DerivativeKernelSet with(const VjpPackKernelSet& packs) const {
     DerivativeKernelSet set = *this;
-    set.f32.pull = packs.f32;
-    set.f64.pull = packs.f64;
+    set.f32.vjp_packs = packs.f32;
+    set.f64.vjp_packs = packs.f64;
     return set;
   }
 };

@@ -2,6 +2,7 @@
 
 #include <cstdlib>
 #include <cstring>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -9,6 +10,7 @@
 
 namespace stiction {
 
+#if defined(STICTION_HAS_BASELINE)
 inline namespace isa_baseline {
 cpu::NewtonBodyKernelSet newton_body_kernels();
 cpu::KernelSet solver_kernels(SolverKind solver);
@@ -18,6 +20,7 @@ cpu::JacobianKernelSet jacobian_kernels();
 cpu::WorldKernelSet world_kernels();
 cpu::VelocityKernelSet velocity_kernels();
 }  // namespace isa_baseline
+#endif
 
 #if defined(STICTION_HAS_AVX2)
 namespace isa_avx2 {
@@ -35,7 +38,7 @@ cpu::VelocityKernelSet velocity_kernels();
 namespace isa_avx512 {
 cpu::KernelSet solver_kernels(SolverKind solver);
 cpu::BodyKernelSet si_kernels();
-cpu::PullKernelSet pull_kernels();
+cpu::VjpPackKernelSet vjp_pack_kernels();
 cpu::VelocityKernelSet velocity_kernels();
 }  // namespace isa_avx512
 #endif
@@ -60,11 +63,11 @@ BodyKernelSet avx512_si_kernels() {
   return set;
 }
 DerivativeKernelSet avx512_derivative_kernels() {
-  return isa_avx2::derivative_kernels().with(isa_avx512::pull_kernels());
+  return isa_avx2::derivative_kernels().with(isa_avx512::vjp_pack_kernels());
 }
 #endif
 
-// Widest first; the last one runs anywhere.
+// Widest first. The baseline runs anywhere.
 const Isa kIsas[] = {
 #if defined(STICTION_HAS_AVX512)
     {"avx512", has_avx512, avx512_kernels, avx512_si_kernels, isa_avx2::newton_body_kernels, isa_avx2::jacobian_kernels,
@@ -75,9 +78,11 @@ const Isa kIsas[] = {
      isa_avx2::si_kernels, isa_avx2::newton_body_kernels, isa_avx2::jacobian_kernels, isa_avx2::world_kernels,
      isa_avx2::velocity_kernels, isa_avx2::derivative_kernels},
 #endif
+#if defined(STICTION_HAS_BASELINE)
     {"baseline", [] { return true; }, isa_baseline::solver_kernels, isa_baseline::si_kernels,
      isa_baseline::newton_body_kernels, isa_baseline::jacobian_kernels, isa_baseline::world_kernels,
      isa_baseline::velocity_kernels, isa_baseline::derivative_kernels},
+#endif
 };
 
 /// Sets that a program adds, in the order they came.
@@ -127,15 +132,23 @@ const Isa* find_isa(const char* name) {
   return nullptr;
 }
 
+const Isa& widest_isa(std::span<const Isa> isas) {
+  std::string names;
+  for (const Isa& isa : isas) {
+    if (isa.supported()) return isa;
+    names += (names.empty() ? "" : ", ") + std::string(isa.name);
+  }
+  throw Error(ErrorCode::unsupported, "this processor runs none of the kernels of this build (" + names +
+                                          "): build with -DSTICTION_CPU_KERNELS=all");
+}
+
 const Isa& best_isa() {
   const char* const wanted = std::getenv("STICTION_ISA");
   if (wanted != nullptr && !is_widest(wanted)) {
     if (const Isa* isa = find_isa(wanted)) return *isa;
     if (!is_built(wanted)) refuse_name(wanted);
   }
-  for (const Isa& isa : kIsas)
-    if (isa.supported()) return isa;
-  return kIsas[sizeof(kIsas) / sizeof(kIsas[0]) - 1];
+  return widest_isa(kIsas);
 }
 
 }  // namespace cpu

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <span>
+
 #include "cpu_fallback/tables/body_kernels.hpp"
 #include "cpu_fallback/tables/contact_kernels.hpp"
 #include "cpu_fallback/tables/derivative_kernels.hpp"
@@ -25,8 +27,12 @@ struct Isa {
 
 /// The widest build that this CPU runs. All builds give the same bits. The environment variable STICTION_ISA
 /// (baseline, avx2, avx512) asks for a narrower one; widest, or nothing, for this one. What the CPU cannot run is not
-/// taken. \throws Error(invalid_argument) for a name that no build has, with those that there are.
+/// taken. \throws Error(invalid_argument) for a name that no build has, with those that there are, and
+/// Error(unsupported) where the library was built for another CPU alone.
 const Isa& best_isa();
+
+/// The first of `isas` that this CPU runs. \throws Error(unsupported) if it runs none.
+const Isa& widest_isa(std::span<const Isa> isas);
 
 /// The build of that name, or null where the CPU cannot run it or there is none.
 const Isa* find_isa(const char* name);

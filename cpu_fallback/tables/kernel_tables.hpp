@@ -7,20 +7,32 @@
 
 namespace stiction::cpu {
 
-/// One table for each precision and law.
+/// The table of a precision, of a set that has one for each.
+template <class Real, class Set>
+[[nodiscard]] const auto& of_precision(const Set& set) {
+  if constexpr (std::is_same_v<Real, float>) {
+    return set.f32;
+  } else {
+    return set.f64;
+  }
+}
+
+/// One table for each precision.
 template <template <class> class Table>
+struct ByPrecision {
+  Table<float> f32;
+  Table<double> f64;
+};
+
+/// One table for each precision and law.
+template <template <class> class Table, int kLaws = 2>
 struct ByPrecisionAndLaw {
-  Table<float> f32[2];   ///< by Law
-  Table<double> f64[2];  ///< by Law
+  Table<float> f32[kLaws];   ///< by Law
+  Table<double> f64[kLaws];  ///< by Law
 
   template <class Real>
   [[nodiscard]] const Table<Real>& of(Law law) const {
-    const auto index = static_cast<std::size_t>(law);
-    if constexpr (std::is_same_v<Real, float>) {
-      return f32[index];
-    } else {
-      return f64[index];
-    }
+    return of_precision<Real>(*this)[static_cast<std::size_t>(law)];
   }
 };
 

@@ -20,8 +20,8 @@ struct VelocityKernels {
   /// Solves environments, or parts of some, of sizes that the method takes. Packs are made of those that are alike.
   void (*solve)(const VelocityJob<Real>& job, const LaneEnv<Real>* envs, Offset count, VelocityScratch& scratch);
   /// Pulls environments back, or parts of some, that lanes take. `results` come with the scales of parts.
-  void (*pull)(const JacobianVjpJob<Real>& job, const LaneEnv<Real>* envs, AdjointResult* results, Offset count,
-               VelocityScratch& scratch);
+  void (*vjp)(const JacobianVjpJob<Real>& job, const LaneEnv<Real>* envs, JacobianVjpResult* results, Offset count,
+              VelocityScratch& scratch);
 };
 
 /// Kernels of both precisions.

@@ -63,7 +63,7 @@ void ThreadTeam::sync() {
 }
 
 unsigned char* ThreadTeam::slot(int turn, Index rank) {
-  return slots_ + (static_cast<std::size_t>(turn) * kMaxWidth + static_cast<std::size_t>(rank)) * kSlotBytes;
+  return slots_ + (static_cast<std::size_t>(turn) * kMaxWidth + static_cast<std::size_t>(rank)) * kTeamValueBytes;
 }
 
 unsigned char* ThreadTeam::leaves() {

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <functional>
 
+#include "core/team/team.hpp"
 #include "stiction/types.hpp"
 
 namespace stiction::cpu {
@@ -27,7 +28,6 @@ class TeamBarrier {
 class ThreadTeam {
  public:
   static constexpr Index kMaxWidth = 256;
-  static constexpr std::size_t kSlotBytes = 64;
   static constexpr std::size_t kLeavesBytes = 32 * sizeof(double);
 
   explicit ThreadTeam(Index width) : width_(width), barrier_(width) {}
@@ -40,7 +40,7 @@ class ThreadTeam {
  private:
   Index width_;
   TeamBarrier barrier_;
-  alignas(64) unsigned char slots_[2 * kMaxWidth * kSlotBytes] = {};
+  alignas(64) unsigned char slots_[2 * kMaxWidth * kTeamValueBytes] = {};
   alignas(64) unsigned char leaves_[kLeavesBytes] = {};
 };
 

@@ -43,7 +43,7 @@ class ThreadedTeam {
  private:
   template <class T>
   void put(Index rank, const T& value) {
-    static_assert(std::is_trivially_copyable_v<T> && sizeof(T) <= cpu::ThreadTeam::kSlotBytes);
+    static_assert(std::is_trivially_copyable_v<T> && sizeof(T) <= kTeamValueBytes);
     std::memcpy(team_->slot(turn_, rank), &value, sizeof(T));
   }
   template <class T>

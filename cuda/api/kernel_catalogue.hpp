@@ -85,7 +85,7 @@ struct DerivativeKernels {
   DerivativePair exact;
   DerivativePair relaxed;
   KernelRef unrolled_vjp;  ///< cotangents of what sweeps return back to their batches
-  KernelRef vjp_lanes;     ///< before `vjp` of J and M, a lane for each environment  (kernels/adjoint_program.hpp)
+  KernelRef vjp_lanes;     ///< before `vjp` of J and M, a lane for each environment  (kernels/jacobian_vjp_program.hpp)
 };
 
 /// Worlds, in one precision (kernels/world_program.hpp).

@@ -7,6 +7,13 @@
 
 namespace stiction::cuda {
 
+/// Alignment of memory that a device allocates, and of the arrays that share one allocation [bytes].
+inline constexpr std::size_t kDeviceAlignment = 256;
+/// Bytes of an array up to where the next one begins.
+inline constexpr std::size_t padded_bytes(std::size_t bytes) {
+  return (bytes + kDeviceAlignment - 1) / kDeviceAlignment * kDeviceAlignment;
+}
+
 /// Owner of memory of a device, or of pinned memory of the host.
 template <bool kPinned>
 class Memory {
@@ -56,13 +63,13 @@ class ArraySet {
     entries_.push_back(
         {static_cast<void*>(&target), static_cast<std::size_t>(count) * sizeof(T),
          [](void* where, std::byte* memory) { *static_cast<T**>(where) = reinterpret_cast<T*>(memory); }});
-    bytes_ += padded(entries_.back().bytes);
+    bytes_ += padded_bytes(entries_.back().bytes);
   }
   [[nodiscard]] std::size_t bytes() const noexcept { return bytes_; }
   void place(std::byte* memory) const {
     for (const Entry& entry : entries_) {
       entry.assign(entry.target, memory);
-      memory += padded(entry.bytes);
+      memory += padded_bytes(entry.bytes);
     }
   }
 
@@ -72,8 +79,6 @@ class ArraySet {
     std::size_t bytes;
     void (*assign)(void* where, std::byte* memory);
   };
-  static constexpr std::size_t kAlignment = 256;
-  static std::size_t padded(std::size_t bytes) { return (bytes + kAlignment - 1) / kAlignment * kAlignment; }
 
   std::vector<Entry> entries_;
   std::size_t bytes_ = 0;

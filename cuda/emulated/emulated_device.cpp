@@ -10,6 +10,7 @@
 #include <string>
 
 #include "core/base/extents.hpp"
+#include "cuda/api/memory.hpp"
 #include "cuda/emulated/emulated_kernels.hpp"
 #include "cuda/emulated/emulated_launch.hpp"
 #include "cuda/emulated/guarded_memory.hpp"
@@ -21,12 +22,6 @@ namespace {
 
 [[noreturn]] void fail(const std::string& what) {
   throw Error(ErrorCode::device_failure, "emulated device: " + what);
-}
-
-constexpr std::size_t kAlignment = 256;
-
-std::size_t round_up(std::size_t bytes) {
-  return (bytes + kAlignment - 1) / kAlignment * kAlignment;
 }
 
 /// A library of kernels to take in place of this build's; null: none.
@@ -98,8 +93,8 @@ void* EmulatedDevice::allocate(std::size_t bytes) {
   for (const auto& [handle, stream] : streams_)
     if (stream->capture != nullptr) fail("an allocation while a stream is captured");
   count(DeviceCall::allocate, "an allocation");
-  const std::size_t rounded = round_up(bytes);
-  void* memory = other_kernels() != nullptr ? allocate_guarded(rounded) : std::aligned_alloc(kAlignment, rounded);
+  const std::size_t rounded = padded_bytes(bytes);
+  void* memory = other_kernels() != nullptr ? allocate_guarded(rounded) : std::aligned_alloc(kDeviceAlignment, rounded);
   if (memory == nullptr)
     throw Error(ErrorCode::out_of_memory, "emulated device: " + std::to_string(bytes) + " bytes cannot be had");
   // What a program must not rely on, the same in every run.
@@ -113,7 +108,7 @@ void EmulatedDevice::release(void* memory) noexcept {
   const auto found = memory_.find(memory);
   if (found == memory_.end()) return;
   if (other_kernels() != nullptr) {
-    release_guarded(memory, round_up(found->second));
+    release_guarded(memory, padded_bytes(found->second));
   } else {
     std::free(memory);
   }

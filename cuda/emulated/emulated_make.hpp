@@ -8,7 +8,9 @@ namespace stiction::inline STICTION_ISA {
 
 STICTION_SHARED_BODIES(extern, cuda::EmulatedTeam)
 STICTION_SHARED_WITH_SYSTEM(extern, SerialTeam, float, DenseSystem<float, cuda::kWarp>)
+STICTION_SHARED_RECORDS(extern, SerialTeam, false, DenseSystem<float, cuda::kWarp>)
 STICTION_SHARED_WITH_SYSTEM(extern, SerialTeam, double, DenseSystem<double, cuda::kWarp>)
+STICTION_SHARED_RECORDS(extern, SerialTeam, false, DenseSystem<double, cuda::kWarp>)
 
 }  // namespace stiction::inline STICTION_ISA
 

@@ -31,9 +31,8 @@ class SleepingBarrier {
 /// What the lanes of a host team share.
 struct EmulatedTeamMemory {
   explicit EmulatedTeamMemory(int lanes) : width(lanes), barrier(lanes) {
-    for (auto& turn : slot) turn.resize(static_cast<std::size_t>(lanes) * kSlotBytes);
+    for (auto& turn : slot) turn.resize(static_cast<std::size_t>(lanes) * kTeamValueBytes);
   }
-  static constexpr std::size_t kSlotBytes = 64;
   int width;
   SleepingBarrier barrier;
   std::vector<std::byte> slot[2];
@@ -44,7 +43,7 @@ struct EmulatedTeamMemory {
 struct EmulatedGridMemory {
   EmulatedGridMemory(int blocks, int lanes) : width(blocks * lanes), barrier(width) {
     for (int k = 0; k < blocks; ++k) block.emplace_back(lanes);
-    for (auto& turn : slot) turn.resize(static_cast<std::size_t>(blocks) * EmulatedTeamMemory::kSlotBytes);
+    for (auto& turn : slot) turn.resize(static_cast<std::size_t>(blocks) * kTeamValueBytes);
   }
   int width;  ///< lanes of all blocks
   SleepingBarrier barrier;
@@ -120,13 +119,13 @@ class EmulatedTeam {
 
   template <class T>
   static void put(std::byte* slot, int lane, const T& value) {
-    static_assert(std::is_trivially_copyable_v<T> && sizeof(T) <= EmulatedTeamMemory::kSlotBytes);
-    std::memcpy(slot + static_cast<std::size_t>(lane) * EmulatedTeamMemory::kSlotBytes, &value, sizeof(T));
+    static_assert(std::is_trivially_copyable_v<T> && sizeof(T) <= kTeamValueBytes);
+    std::memcpy(slot + static_cast<std::size_t>(lane) * kTeamValueBytes, &value, sizeof(T));
   }
   template <class T>
   static T get(const std::byte* slot, int lane) {
     T value;
-    std::memcpy(&value, slot + static_cast<std::size_t>(lane) * EmulatedTeamMemory::kSlotBytes, sizeof(T));
+    std::memcpy(&value, slot + static_cast<std::size_t>(lane) * kTeamValueBytes, sizeof(T));
     return value;
   }
 

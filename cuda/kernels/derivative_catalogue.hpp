@@ -1,29 +1,29 @@
 #pragma once
 
 #include "cuda/api/kernel_catalogue.hpp"
-#include "cuda/kernels/adjoint_program.hpp"
 #include "cuda/kernels/derivative_program.hpp"
+#include "cuda/kernels/jacobian_vjp_program.hpp"
 
 /// The part of a catalogue that derivatives are (catalogue.hpp). Apart, so that no solver is compiled anew for them.
 namespace stiction::cuda {
 
 template <class Make, class Real>
 DerivativePair derivative_kernels() {
-  return {Make::template kernel<PullBack<Real, false>>("derivative_vjp"),
-          Make::template kernel<PushForward<Real, false>>("derivative_jvp")};
+  return {Make::template kernel<VjpProgram<Real, false>>("derivative_vjp"),
+          Make::template kernel<JvpProgram<Real, false>>("derivative_jvp")};
 }
 template <class Make, class Real>
 DerivativePair relaxed_kernels() {
-  return {Make::template kernel<PullBack<Real, true>>("relaxed_vjp"),
-          Make::template kernel<PushForward<Real, true>>("relaxed_jvp")};
+  return {Make::template kernel<VjpProgram<Real, true>>("relaxed_vjp"),
+          Make::template kernel<JvpProgram<Real, true>>("relaxed_jvp")};
 }
 template <class Make, class Real>
 KernelRef unrolled_kernel() {
-  return Make::template kernel<PullSweeps<Real>>("unrolled_vjp");
+  return Make::template kernel<UnrolledVjpProgram<Real>>("unrolled_vjp");
 }
 template <class Make, class Real>
 KernelRef lanes_kernel() {
-  return Make::template kernel<PullLanes<Real>>("derivative_vjp_lanes");
+  return Make::template kernel<VjpLanesProgram<Real>>("derivative_vjp_lanes");
 }
 template <class Make, class Real>
 DerivativeKernels all_derivative_kernels() {

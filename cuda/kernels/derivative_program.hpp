@@ -63,7 +63,7 @@ STICTION_HD void derive_checked(TeamT& team, const cuda::TeamId& id, const cuda:
 /// Derivatives of the exact problem, or of the relaxed one. Each is a kernel of its own: in one, the exact problem's
 /// would have the other's stack.
 template <class Real, bool kIsRelaxed>
-struct PullBack {
+struct VjpProgram {
   using Args = cuda::DerivativeArgs<JacobianVjpJob<Real>, Real>;
   static constexpr bool kSerial = false;
 
@@ -85,7 +85,7 @@ struct PullBack {
 };
 
 template <class Real, bool kIsRelaxed>
-struct PushForward {
+struct JvpProgram {
   using Args = cuda::DerivativeArgs<JacobianJvpJob<Real>, Real>;
   static constexpr bool kSerial = false;
 
@@ -108,7 +108,7 @@ struct PushForward {
 
 /// Sweeps in reverse, of a contact batch.
 template <class Real>
-struct PullSweeps {
+struct UnrolledVjpProgram {
   using Args = cuda::UnrolledArgs<Real>;
   static constexpr bool kSerial = false;
 

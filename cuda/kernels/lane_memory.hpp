@@ -1,6 +1,6 @@
 #pragma once
 
-#include "core/algorithm/derivative/adjoint_workspace.hpp"
+#include "core/algorithm/derivative/jacobian_vjp_workspace.hpp"
 #include "core/algorithm/velocity/solve_pack.hpp"
 #include "core/base/extents.hpp"
 #include "cuda/api/kernel.hpp"
@@ -49,8 +49,8 @@ struct LaneMemory {
   STICTION_HD VelocityWorkspace<Types> numbers(const SlotCounts&, Index, Index) const {
     return make<VelocityWorkspace<Types>>();
   }
-  STICTION_HD AdjointWorkspace<Types> adjoint_numbers(const SlotCounts&, Index, Index) const {
-    return make<AdjointWorkspace<Types>>();
+  STICTION_HD JacobianVjpWorkspace<Types> jacobian_vjp_numbers(const SlotCounts&, Index, Index) const {
+    return make<JacobianVjpWorkspace<Types>>();
   }
 
  private:

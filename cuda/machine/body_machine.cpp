@@ -10,6 +10,7 @@
 #include "cuda/api/kernel_catalogue.hpp"
 #include "cuda/api/mover.hpp"
 #include "cuda/machine/body_classes.hpp"
+#include "cuda/machine/memory_limits.hpp"
 #include "stiction/error.hpp"
 
 namespace stiction {
@@ -17,10 +18,6 @@ namespace stiction {
 namespace cuda {
 
 namespace {
-
-/// Workspace of a class beyond which fewer teams take more environments each.
-constexpr Offset kWorkspaceBytes = Offset{1} << 30;
-constexpr Offset kSlotAlignment = 256;
 
 /// f(array of one view, the same array of another, its length) for each array of a batch.
 template <class Real, class F>
@@ -97,7 +94,7 @@ void DeviceBodyMachine::make_classes(const BodyRequest<Real>& request, std::vect
       continue;
     }
     const TeamRule& rule = kTeamRules[k - kBundleClasses];
-    own.slot_bytes = (own.slot_bytes + kSlotAlignment - 1) / kSlotAlignment * kSlotAlignment;
+    own.slot_bytes = static_cast<Offset>(padded_bytes(at(own.slot_bytes)));
     own.shape.lanes = rule.lanes;
     own.shape.whole_device = k + 1 == kClasses;
     const Offset fitting = larger_of<Offset>(1, kWorkspaceBytes / own.slot_bytes);

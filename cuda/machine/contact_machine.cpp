@@ -13,9 +13,6 @@ namespace cuda {
 
 namespace {
 
-template <class Real>
-constexpr Precision kPrecisionOf = sizeof(Real) == sizeof(float) ? Precision::f32 : Precision::f64;
-
 /// The least room for the environments of a plan.
 Capacity capacity_of(const PlanData& plan) {
   Capacity need;

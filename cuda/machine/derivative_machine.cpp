@@ -6,15 +6,12 @@
 #include "core/base/extents.hpp"
 #include "core/machine/count_captured_call.hpp"
 #include "cuda/kernels/derivative_program.hpp"
+#include "cuda/machine/memory_limits.hpp"
 #include "stiction/error.hpp"
 
 namespace stiction::cuda {
 
 namespace {
-
-/// Most device memory for the scratch of all teams, unless a single one needs more.
-constexpr Offset kScratchBytes = Offset{1} << 29;
-constexpr Offset kTeamsPerProcessor = 16;
 
 /// What the largest environment of J and M takes beside, in either precision.
 Offset jacobian_doubles(const Capacity& capacity) {
@@ -163,7 +160,7 @@ template <class Real>
 void DeviceDerivativeMachine::queue_lanes(const JacobianRoom<Real>& room, JacobianVjpJob<Real>& job,
                                           StreamHandle stream) {
   job.lanes = room.lanes;
-  AdjointArgs<Real> args = room.args;
+  JacobianVjpArgs<Real> args = room.args;
   args.job = job;
   LaunchShape shape = lanes_shape();
   shape.teams = smaller_of(room.teams, (job.assembly.batch.env_count + kWarp - 1) / kWarp);
@@ -174,7 +171,7 @@ void DeviceDerivativeMachine::queue_lanes(const JacobianRoom<Real>& room, Jacobi
 template <class Real>
 void DeviceDerivativeMachine::queue_sweeps(const KernelRef& kernel, const UnrolledJob<Real>& job, StreamHandle stream) {
   if (job.batch.env_count == 0) return;
-  typename PullSweeps<Real>::Args args{};
+  typename UnrolledVjpProgram<Real>::Args args{};
   args.job.job.contact = job;
   args.job.job.has_jacobian = false;
   args.sweeps = job.sweeps;
@@ -192,7 +189,7 @@ void DeviceDerivativeMachine::queue_sweeps(const KernelRef& kernel, const Unroll
 template <class Real>
 void DeviceDerivativeMachine::add_lanes(JacobianRoom<Real>& room, const JacobianNumbers& numbers, ArraySet& set) const {
   static_cast<LaneRoom&>(room.args) =
-      lay_out_lanes<AdjointWorkspace<typename PullLanes<Real>::Types>>(most_rows_, most_dofs_);
+      lay_out_lanes<JacobianVjpWorkspace<typename VjpLanesProgram<Real>::Types>>(most_rows_, most_dofs_);
   room.args.islands_per_lane =
       most_dofs_ > kMostVelocityDofs ? DofIslands<Real>::integers(most_dofs_, most_rows_) : Offset{0};
   const Offset lists = kWarp * room.args.lists_per_lane, islands = kWarp * room.args.islands_per_lane;
@@ -247,28 +244,28 @@ void DeviceDerivativeMachine::make_room(JacobianRoom<Real>& room, const Jacobian
 }
 
 void DeviceDerivativeMachine::vjp(const VjpJob<float>& job, StreamRef stream) {
-  queue_contacts<PullBack<float, false>, JacobianVjpJob<float>>(kernels(Precision::f32).vjp, job, stream.handle());
+  queue_contacts<VjpProgram<float, false>, JacobianVjpJob<float>>(kernels(Precision::f32).vjp, job, stream.handle());
 }
 void DeviceDerivativeMachine::vjp(const VjpJob<double>& job, StreamRef stream) {
-  queue_contacts<PullBack<double, false>, JacobianVjpJob<double>>(kernels(Precision::f64).vjp, job, stream.handle());
+  queue_contacts<VjpProgram<double, false>, JacobianVjpJob<double>>(kernels(Precision::f64).vjp, job, stream.handle());
 }
 void DeviceDerivativeMachine::jvp(const JvpJob<float>& job, StreamRef stream) {
-  queue_contacts<PushForward<float, false>, JacobianJvpJob<float>>(kernels(Precision::f32).jvp, job, stream.handle());
+  queue_contacts<JvpProgram<float, false>, JacobianJvpJob<float>>(kernels(Precision::f32).jvp, job, stream.handle());
 }
 void DeviceDerivativeMachine::jvp(const JvpJob<double>& job, StreamRef stream) {
-  queue_contacts<PushForward<double, false>, JacobianJvpJob<double>>(kernels(Precision::f64).jvp, job, stream.handle());
+  queue_contacts<JvpProgram<double, false>, JacobianJvpJob<double>>(kernels(Precision::f64).jvp, job, stream.handle());
 }
 void DeviceDerivativeMachine::vjp(const JacobianVjpJob<float>& job, StreamRef stream) {
-  queue_jacobians<PullBack<float, false>>(floats_, kernels(Precision::f32).vjp, job, stream.handle());
+  queue_jacobians<VjpProgram<float, false>>(floats_, kernels(Precision::f32).vjp, job, stream.handle());
 }
 void DeviceDerivativeMachine::vjp(const JacobianVjpJob<double>& job, StreamRef stream) {
-  queue_jacobians<PullBack<double, false>>(doubles_, kernels(Precision::f64).vjp, job, stream.handle());
+  queue_jacobians<VjpProgram<double, false>>(doubles_, kernels(Precision::f64).vjp, job, stream.handle());
 }
 void DeviceDerivativeMachine::jvp(const JacobianJvpJob<float>& job, StreamRef stream) {
-  queue_jacobians<PushForward<float, false>>(floats_, kernels(Precision::f32).jvp, job, stream.handle());
+  queue_jacobians<JvpProgram<float, false>>(floats_, kernels(Precision::f32).jvp, job, stream.handle());
 }
 void DeviceDerivativeMachine::jvp(const JacobianJvpJob<double>& job, StreamRef stream) {
-  queue_jacobians<PushForward<double, false>>(doubles_, kernels(Precision::f64).jvp, job, stream.handle());
+  queue_jacobians<JvpProgram<double, false>>(doubles_, kernels(Precision::f64).jvp, job, stream.handle());
 }
 
 void DeviceDerivativeMachine::unrolled_vjp(const UnrolledJob<float>& job, StreamRef stream) {

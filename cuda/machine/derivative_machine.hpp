@@ -7,7 +7,7 @@
 #include "cuda/api/device_api.hpp"
 #include "cuda/api/kernel_catalogue.hpp"
 #include "cuda/api/memory.hpp"
-#include "cuda/kernels/adjoint_program.hpp"
+#include "cuda/kernels/jacobian_vjp_program.hpp"
 #include "cuda/machine/jacobian_machine.hpp"
 
 namespace stiction::cuda {
@@ -35,11 +35,11 @@ struct JacobianRoom {
   JacobianNumbers has;
   std::unique_ptr<DeviceJacobianMachine<Real>> machine;
   DeviceMemory memory;
-  Real* in = nullptr;        ///< from J and M to the contact batch
-  Real* out = nullptr;       ///< and back
-  AdjointLanes<Real> lanes;  ///< what lanes find
-  AdjointArgs<Real> args{};  ///< and what they take
-  Offset teams = 0;          ///< of such lanes
+  Real* in = nullptr;            ///< from J and M to the contact batch
+  Real* out = nullptr;           ///< and back
+  JacobianVjpLanes<Real> lanes;  ///< what lanes find
+  JacobianVjpArgs<Real> args{};  ///< and what they take
+  Offset teams = 0;              ///< of such lanes
 };
 
 /// Differentiates contact batches on a device: one launch, in memory that is taken when it is made. For batches of J

@@ -42,9 +42,6 @@ const char* name_of(SizeClass size_class) {
   return "?";
 }
 
-template <class Real>
-constexpr Precision kPrecisionOf = sizeof(Real) == sizeof(float) ? Precision::f32 : Precision::f64;
-
 }  // namespace
 
 Engine::Engine(DeviceApi& api, const ClassRules& rules) : api_(api), rules_(rules), timer_(api), plan_{} {

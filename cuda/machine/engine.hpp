@@ -16,6 +16,9 @@
 
 namespace stiction::cuda {
 
+template <class Real>
+inline constexpr Precision kPrecisionOf = sizeof(Real) == sizeof(float) ? Precision::f32 : Precision::f64;
+
 /// What decides the class of a dense environment. It reaches speed only: other rules are for measuring, and for tests
 /// that a class changes no bit.
 struct ClassRules {

@@ -12,6 +12,7 @@
 #include "cuda/kernels/solve_thread_per_env.hpp"
 #include "cuda/machine/engine.hpp"
 #include "cuda/machine/engine_classes.hpp"
+#include "cuda/machine/memory_limits.hpp"
 #include "stiction/error.hpp"
 
 /// The engine's memory: what each size class, the plan and the fallback chain take for a capacity.
@@ -19,8 +20,6 @@ namespace stiction::cuda {
 
 namespace {
 
-/// Most device memory that the systems of one class may take, unless a single one needs more.
-constexpr Offset kWorkspaceBytes = Offset{1} << 30;
 /// Most environments of a batch: the sort counts them in integers of 32 bits.
 constexpr Offset kMostEnvs = std::numeric_limits<Index>::max();
 /// Warps with an environment a lane that run at once on a multiprocessor, as registers allow.

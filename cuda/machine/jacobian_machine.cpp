@@ -7,6 +7,7 @@
 #include "core/base/extents.hpp"
 #include "core/machine/count_captured_call.hpp"
 #include "cuda/kernels/jacobian_program.hpp"
+#include "cuda/machine/memory_limits.hpp"
 #include "stiction/error.hpp"
 
 namespace stiction {
@@ -17,9 +18,6 @@ namespace {
 
 /// Most fast memory that a team takes for itself: more would leave too few teams at work on a multiprocessor.
 constexpr std::size_t kSharedBytes = std::size_t{24} << 10;
-/// Most device memory for the scratch of all teams, unless a single one needs more.
-constexpr Offset kScratchBytes = Offset{1} << 29;
-constexpr Offset kTeamsPerProcessor = 16;
 
 /// Lanes for an environment of that size. They reach speed only.
 int team_lanes(const JacobianCapacity& capacity) {

@@ -16,7 +16,6 @@ namespace {
 /// Most device memory for the scratch of all teams that find contacts, unless a single one needs more.
 constexpr Offset kRoomBytes = Offset{1} << 28;
 constexpr Offset kTeamsPerProcessor = 32;
-constexpr Offset kAlignment = 256;
 /// Near pairs of a shape that there is room for at first, if they were shared out alike.
 constexpr Offset kNearPerShape = 8;
 /// Contacts of an environment that there is room for before any were found.
@@ -121,7 +120,7 @@ void DeviceWorldMachine<Real>::make_workspaces(Offset near) {
   const WorldModelView<Real>& model = host_.model;
   const Offset bytes = model.by_tree ? NearWorkspace<Real>::bytes(model) + NearPairs<Real>::bytes(near)
                                      : ListedPairs<Real>::bytes(model);
-  workspace_bytes_ = (bytes + kAlignment - 1) / kAlignment * kAlignment;
+  workspace_bytes_ = static_cast<Offset>(padded_bytes(at(bytes)));
   const Offset fitting = larger_of<Offset>(1, kRoomBytes / larger_of<Offset>(1, workspace_bytes_));
   teams_ = smaller_of(env_count_, smaller_of(fitting, kTeamsPerProcessor * api_->facts().processors));
   near_room_ = near;

@@ -6,6 +6,7 @@
 #include <type_traits>
 
 #include "core/team/team.hpp"
+#include "cuda/api/kernel.hpp"
 
 namespace stiction::inline STICTION_ISA {
 
@@ -122,7 +123,7 @@ class CudaTeam {
   }
 
  private:
-  static constexpr int kWarp = 32;
+  static constexpr int kWarp = cuda::kWarp;
   static constexpr unsigned kAllLanes = 0xffffffffU;
   static constexpr std::size_t kShuffledBytes = 8;  ///< more take as long by way of memory
 

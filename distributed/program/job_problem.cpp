@@ -7,6 +7,7 @@
 #include <type_traits>
 #include <utility>
 
+#include "cli/convert_values.hpp"
 #include "cli/load.hpp"
 #include "cli/make_scene.hpp"
 #include "distributed/program/column.hpp"
@@ -35,14 +36,6 @@ io::Recording recording_of(const SolveArguments& arguments, const std::optional<
 }
 
 template <class Real>
-std::vector<Real> rounded(const std::vector<double>& values) {
-  std::vector<Real> all;
-  all.reserve(values.size());
-  for (const double value : values) all.push_back(static_cast<Real>(value));
-  return all;
-}
-
-template <class Real>
 JobProblem<Real> from_matrices(const SolveArguments& arguments, const std::optional<Law>& law) {
   const io::Recording recording = recording_of(arguments, law);
   JobProblem<Real> problem;
@@ -50,7 +43,8 @@ JobProblem<Real> from_matrices(const SolveArguments& arguments, const std::optio
   problem.law = recording.batch.law();
   problem.env_row_offsets = recording.batch.arrays().env_row_offsets;
   if (arguments.warm_start) {
-    const std::vector<Real> first = rounded<Real>(cli::load_solution(*arguments.warm_start, recording.batch).lambda);
+    const std::vector<Real> first =
+        cli::convert_values<Real>(cli::load_solution(*arguments.warm_start, recording.batch).lambda);
     problem.first = to_contacts(problem.bodies, std::span<const Real>(first));
   }
   return problem;
@@ -74,7 +68,7 @@ JobProblem<Real> column(const SolveArguments& arguments) {
   problem.bodies.stepping = scene.stepping;
   problem.law = scene.law;
   if (arguments.warm_start) {
-    problem.first = rounded<Real>(io::read_solution(*arguments.warm_start).lambda);
+    problem.first = cli::convert_values<Real>(io::read_solution(*arguments.warm_start).lambda);
     if (problem.first.size() != static_cast<std::size_t>(problem.env_row_offsets.back()))
       throw Error(
           ErrorCode::invalid_argument,

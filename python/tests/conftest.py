@@ -1,5 +1,6 @@
 """What the tests share: recorded files, the command line to compare with, problems made by NumPy."""
 
+import ast
 import os
 import pathlib
 
@@ -13,6 +14,42 @@ DATA = ROOT / "examples" / "data"
 def pytest_configure(config):
     config.addinivalue_line("markers", "warp: kernels are compiled by Warp, which takes a minute of a core in all")
     config.addinivalue_line("markers", "quick: of these, what run.py runs")
+
+
+class SkippedTest(pytest.Item):
+    """A test of a module that cannot be imported, for the reason that the module gives."""
+
+    def __init__(self, *, definition, reason, **options):
+        super().__init__(**options)
+        self.line, self.reason = definition.lineno, reason
+        for decorator in map(ast.unparse, definition.decorator_list):
+            if decorator in ("pytest.mark.quick", "pytest.mark.warp"):
+                self.add_marker(decorator.rpartition(".")[2])
+
+    def runtest(self):
+        raise pytest.skip.Exception(self.reason, _use_item_location=True)
+
+    def reportinfo(self):
+        return self.path, self.line - 1, self.name
+
+
+class CountedModule(pytest.Module):
+    """A module of tests. One that skips as a whole is all its tests, each skipped, so that each is counted."""
+
+    def collect(self):
+        try:
+            return list(super().collect())
+        except pytest.skip.Exception as lacking:
+            tree = ast.parse(self.path.read_text(encoding="utf-8"))
+            for node in tree.body:
+                if ast.unparse(node) == "pytestmark = pytest.mark.warp":
+                    self.add_marker("warp")
+            return [SkippedTest.from_parent(self, name=node.name, definition=node, reason=lacking.msg)
+                    for node in ast.walk(tree) if isinstance(node, ast.FunctionDef) and node.name.startswith("test_")]
+
+
+def pytest_pycollect_makemodule(module_path, parent):
+    return CountedModule.from_parent(parent, path=module_path)
 
 
 @pytest.fixture

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from frameworks import framework
 from warp_quickly import wp  # noqa: F401
 
-LACKING = "stiction.mujoco_warp is NOT tested: pip install mujoco-warp"
-mujoco = pytest.importorskip("mujoco", reason=LACKING)
-mujoco_warp = pytest.importorskip("mujoco_warp", reason=LACKING)
+mujoco = pytest.importorskip("mujoco", reason="stiction.mujoco_warp is NOT tested: pip install mujoco")
+mujoco_warp = framework("mujoco_warp", "stiction.mujoco_warp is")
 
 from mujoco_zoo import controls, zoo  # noqa: E402
 

@@ -1,11 +1,10 @@
 """Models for the tests of stiction.newton, and what steps them. Skips where newton or warp is lacking."""
 
 import numpy as np
-import pytest
-
+from frameworks import framework
 from warp_quickly import wp
 
-newton = pytest.importorskip("newton", reason="stiction.newton is NOT tested: pip install newton")
+newton = framework("newton", "stiction.newton is")
 
 from stiction.newton import SolverStiction  # noqa: E402
 

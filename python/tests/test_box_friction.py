@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from frameworks import framework
 
 import stiction
 from stiction import Batch, Solver
@@ -68,7 +69,7 @@ def test_a_solver_of_cones_says_that_it_cannot():
 
 
 def test_pytorch_takes_the_kind():
-    torch = pytest.importorskip("torch")
+    torch = framework("torch")
     from stiction.torch import solve
 
     lambda_ = solve(torch.tensor(A), torch.tensor(B), mu=0.5, cones="box_friction", tolerance=1e-10)[0]

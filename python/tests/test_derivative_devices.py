@@ -1,7 +1,10 @@
 """Derivatives of batches in device memory, which the emulated device takes anywhere: those of the CPU, bit for bit."""
 
+import importlib
+
 import numpy as np
 import pytest
+from frameworks import framework
 
 import stiction
 
@@ -99,7 +102,7 @@ def test_flat_batches_are_measured_where_their_structure_can_be_read():
 
 
 def test_tensors_get_tensors_where_a_device_differentiates():
-    torch = pytest.importorskip("torch")
+    torch = framework("torch")
     host = contact_batch(counted=False)
     arrays = {name: torch.from_numpy(host.arrays[name]) for name in ("A", "b", "R")}
     batch = stiction.Batch.from_delassus(**arrays, mu=0.5, law="coulomb")
@@ -114,8 +117,8 @@ def test_tensors_get_tensors_where_a_device_differentiates():
 
 @pytest.mark.parametrize("derivative", ["implicit", "unrolled"])
 def test_torch_differentiates_on_the_device_that_has_the_tensors(monkeypatch, derivative):
-    torch = pytest.importorskip("torch")
-    operator = pytest.importorskip("stiction.torch")
+    torch = framework("torch")
+    operator = importlib.import_module("stiction.torch")
     host = contact_batch(counted=False)
     weights = torch.from_numpy(losses(host.layout.row_shape, np.float64, sets=1)[0])
     iterations = {"max_iterations": 6, "tolerance": 0.0, "solver": "pgs"} if derivative == "unrolled" else \

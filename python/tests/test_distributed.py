@@ -12,6 +12,7 @@ import textwrap
 import numpy as np
 import pytest
 from conftest import ROOT
+from frameworks import framework
 
 from stiction import distributed
 from stiction.distributed import Ranks, Shard
@@ -333,9 +334,10 @@ EXAMPLE = str(pathlib.Path(ROOT) / "examples" / "python" / "07_ranks.py")
 
 @pytest.fixture
 def learner():
-    lacking = "learning on two ranks is NOT tested: pip install rsl-rl-lib tensordict torch gymnasium mujoco"
-    for module in ("torch", "tensordict", "rsl_rl", "gymnasium", "mujoco"):
-        pytest.importorskip(module, reason=lacking)
+    for module in ("torch", "tensordict", "rsl_rl"):
+        framework(module, "learning on two ranks is")
+    for module in ("gymnasium", "mujoco"):
+        pytest.importorskip(module, reason="learning on two ranks is NOT tested: pip install gymnasium mujoco")
 
 
 def test_torchrun_learns_one_policy_on_two_ranks(learner):
@@ -354,7 +356,7 @@ def test_slurms_variables_do_too(learner):
 
 
 def test_processes_exchange_what_moved(envs_of, alone):
-    pytest.importorskip("torch", reason="environments that move between processes are NOT tested: pip install torch")
+    framework("torch", "environments that move between processes are")
     program = textwrap.dedent("""
         import json, sys
         import torch

@@ -4,6 +4,7 @@ import hashlib
 
 import numpy as np
 import pytest
+from frameworks import framework
 
 gymnasium = pytest.importorskip("gymnasium", reason="the environments are NOT tested: pip install gymnasium")
 pytest.importorskip("mujoco", reason="the environments are NOT tested: pip install mujoco")
@@ -166,7 +167,7 @@ def test_mistakes():
 
 
 def test_rsl_rl_adapter():
-    torch = pytest.importorskip("torch", reason="the rsl_rl adapter is NOT tested: pip install torch")
+    torch = framework("torch", "the rsl_rl adapter is")
     from stiction.envs.rsl_rl import RslRlEnv
 
     envs = RslRlEnv(MujocoVectorEnv("Hopper", 2, max_episode_steps=3, autoreset_mode=AutoresetMode.SAME_STEP))
@@ -183,8 +184,7 @@ def test_rsl_rl_adapter():
 
 
 def test_stable_baselines_adapter():
-    pytest.importorskip("stable_baselines3", reason="the Stable-Baselines3 adapter is NOT tested: pip install "
-                                                    "stable-baselines3")
+    framework("stable_baselines3", "the Stable-Baselines3 adapter is")
     from stiction.envs.sb3 import Sb3VecEnv
 
     envs = Sb3VecEnv(MujocoVectorEnv("Hopper", 2, max_episode_steps=2, autoreset_mode=AutoresetMode.SAME_STEP))

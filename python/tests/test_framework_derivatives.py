@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import stiction
-from test_frameworks import framework
+from frameworks import framework
 from worlds import heap
 
 CONES = (("friction", 3), ("free", 1), ("friction", 4), ("unilateral", 1), ("box", 1), ("friction", 3), ("friction", 2),

@@ -2,18 +2,12 @@
 
 import numpy as np
 import pytest
+from frameworks import framework
 
 import stiction
 from stiction import Batch, Solver
 
 OPTIONS = {"solver": "npgs", "tolerance": 1e-9}
-
-
-def framework(name):
-    try:
-        return pytest.importorskip(name, reason=f"{name} is not installed: stiction with its arrays is NOT tested")
-    except ImportError as error:
-        pytest.skip(f"{name} does not load ({error}): stiction with its arrays is NOT tested")
 
 
 @pytest.fixture
@@ -128,7 +122,7 @@ class TestJax:
         import stiction.jax
 
         if by == "custom call" and not stiction.jax.uses_ffi:
-            pytest.skip("the package was built without JAX: its custom call is NOT tested")
+            pytest.skip("the package was built without JAX, its custom call is NOT tested: scripts/test.sh --frameworks")
 
         def solve(A, b):
             return stiction.jax.solve(A, b, 0.5, law="coulomb", allow_ffi=by == "custom call", **OPTIONS)

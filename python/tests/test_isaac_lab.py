@@ -46,6 +46,7 @@ def box(path, size, height, **more):
     return kind(prim_path=path, spawn=spawn, init_state=kind.InitialStateCfg(pos=(0.0, 0.0, height)))
 
 
+@pytest.mark.quick
 def test_boxes_fall_rest_and_slide_in_isaac_lab(page):
     """Every world has a box of 2 kg, 0.2 m high, which falls from 0.3 m on a floor that all worlds share; mu = 1."""
     physics = NewtonCfg(solver_cfg=page.StictionSolverCfg(), use_cuda_graph=False)

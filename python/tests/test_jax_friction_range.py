@@ -4,7 +4,7 @@ precision against double. Skipped, and says so, without JAX."""
 import numpy as np
 import pytest
 
-from test_frameworks import framework
+from frameworks import framework
 
 CONTACTS = 3
 LAWS = pytest.mark.parametrize("law", ["convex", "coulomb"])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from test_framework_derivatives import CONES, EXACT, problem
-from test_frameworks import framework
+from frameworks import framework
 
 LAWS = pytest.mark.parametrize("law", ["convex", "coulomb"])
 

@@ -7,11 +7,12 @@ import sys
 import textwrap
 
 import pytest
+from frameworks import framework
 
-LACKING = "sharded solves are NOT tested: pip install jax, then build the package"
-jax = pytest.importorskip("jax", reason=LACKING)
+jax = framework("jax", "sharded solves are")
 if not __import__("stiction.jax", fromlist=["uses_ffi"]).uses_ffi:
-    pytest.skip("sharded solves are NOT tested: the package was built without JAX's headers", allow_module_level=True)
+    pytest.skip("sharded solves are NOT tested, the package was built without JAX: scripts/test.sh --frameworks",
+                allow_module_level=True)
 
 PROGRAM = textwrap.dedent("""
     import json

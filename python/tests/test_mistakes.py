@@ -187,9 +187,12 @@ def test_errors_say_their_code():
 def test_kernels_that_no_build_has_are_refused_with_those_that_there_are(monkeypatch):
     monkeypatch.setenv("STICTION_ISA", "mmx")
     refused(stiction.Error, "STICTION_ISA = 'mmx': expected one of widest, ", Solver)
-    assert "baseline, the kernels of this build" in str(refused(stiction.Error, "", Solver))
-    monkeypatch.setenv("STICTION_ISA", "baseline")
-    Solver()
+    said = str(refused(stiction.Error, "", Solver))
+    names = said.split("expected one of ")[1].split(", the kernels of this build")[0].split(", ")
+    assert len(names) > 1
+    for name in names:
+        monkeypatch.setenv("STICTION_ISA", name)
+        Solver()
 
 
 def test_a_gpu_that_is_not_there_is_refused_with_the_reason():

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from frameworks import framework
 
-LACKING = "stiction.mjx is NOT tested: pip install mujoco-mjx"
-mujoco = pytest.importorskip("mujoco", reason=LACKING)
-jax = pytest.importorskip("jax", reason=LACKING)
-mjx = pytest.importorskip("mujoco.mjx", reason=LACKING)
+mujoco = pytest.importorskip("mujoco", reason="stiction.mjx is NOT tested: pip install mujoco")
+jax = framework("jax", "stiction.mjx is")
+mjx = framework("mujoco.mjx", "stiction.mjx is")
 
 import stiction.jax  # noqa: E402
 import stiction.mjx  # noqa: E402

@@ -6,6 +6,7 @@ import pickle
 
 import numpy as np
 import pytest
+from frameworks import framework
 
 import stiction
 
@@ -101,7 +102,7 @@ def test_another_process_has_the_same_bits():
 
 
 def test_tensors_come_through_as_tensors():
-    torch = pytest.importorskip("torch")
+    torch = framework("torch")
     A, b = delassus_arrays()
     batch = stiction.Batch.from_delassus(torch.from_numpy(A), torch.from_numpy(b), mu=0.5)
     came = pickle.loads(pickle.dumps(batch))

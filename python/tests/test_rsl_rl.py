@@ -5,11 +5,12 @@ import runpy
 import numpy as np
 import pytest
 from conftest import ROOT
+from frameworks import framework
 
-LACKING = "rsl_rl's runner is NOT tested: pip install rsl-rl-lib tensordict gymnasium mujoco"
-torch = pytest.importorskip("torch", reason=LACKING)
-tensordict = pytest.importorskip("tensordict", reason=LACKING)
-pytest.importorskip("rsl_rl", reason=LACKING)
+LACKING = "rsl_rl's runner is NOT tested: pip install gymnasium mujoco"
+torch = framework("torch", "rsl_rl's runner is")
+tensordict = framework("tensordict", "rsl_rl's runner is")
+framework("rsl_rl", "rsl_rl's runner is")
 pytest.importorskip("gymnasium", reason=LACKING)
 pytest.importorskip("mujoco", reason=LACKING)
 

@@ -1,8 +1,9 @@
 """What stiction.torch refuses at the call, or where a derivative that there is not is asked for."""
 
 import pytest
+from frameworks import framework
 
-torch = pytest.importorskip("torch", reason="PyTorch is not installed: what stiction.torch refuses is NOT tested")
+torch = framework("torch", "what stiction.torch refuses is")
 
 from stiction.torch import solve  # noqa: E402
 

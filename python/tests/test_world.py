@@ -8,6 +8,7 @@ import threading
 
 import numpy as np
 import pytest
+from frameworks import framework
 from worlds import SCENES, read_states, stack, started
 
 import stiction
@@ -218,7 +219,7 @@ def test_a_state_may_be_written_into_the_callers_arrays():
     assert world.state(out) is out
     for found, wanted in zip(out, world.state()):
         np.testing.assert_array_equal(found, wanted)
-    torch = pytest.importorskip("torch", reason="states in PyTorch's memory are NOT tested: pip install torch")
+    torch = framework("torch", "states in PyTorch's memory are")
     tensors = {name: torch.zeros(6, 12, width) for name, width in (("position", 3), ("orientation", 4), ("twist", 6))}
     world.state(tensors)
     np.testing.assert_array_equal(tensors["twist"].numpy(), out.twist)

@@ -76,30 +76,6 @@ def test_kappa_tells_of_a_floor_that_is_not_reached(law):
     assert 0.5 < slopes[1] < 0.999
 
 
-def test_the_derivative_by_position_is_exact_where_depths_are_all():
-    balls = [Shape("sphere", 0.1, body=k, mu=0.5) for k in range(3)]
-    bodies = solids(*balls)
-    begin = np.array([[[k, 0, 0.1 - over] for k, over in enumerate((2e-4, -1e-3, -5e-3))]])
-    twist = np.tile([0.5, -0.2, -2.0, 1.0, 2.0, 0.3], (1, 3, 1))
-
-    def make(position):
-        world = World(bodies, [Shape("plane", mu=0.0), *balls], 1, cfm=1e-3, tolerance=1e-13, max_iterations=20000)
-        world.reset(position=position, twist=twist)
-        return world
-
-    rng = np.random.default_rng(2)
-    by_twist, by_position, along = rng.normal(size=(1, 3, 6)), rng.normal(size=(1, 3, 3)), rng.normal(size=(1, 3, 3))
-    found = WorldStep(make(begin)).vjp(twist=by_twist, position=by_position).position
-
-    def loss(position):
-        world = make(position)
-        world.step()
-        return (world.state().twist * by_twist).sum() + (world.state().position * by_position).sum()
-
-    differences = (loss(begin + 1e-7 * along) - loss(begin - 1e-7 * along)) / 2e-7
-    assert abs(differences - (found * along).sum()) < 1e-6 * np.abs(found * along).sum()
-
-
 def test_single_precision_has_the_derivative_of_double_to_its_own_rounding():
     found = []
     for dtype in ("float64", "float32"):

@@ -4,12 +4,12 @@ import base64
 import re
 
 import numpy as np
-import pytest
+from frameworks import framework
 
-LACKING = "stiction.view with viser is NOT tested: pip install viser"
-pytest.importorskip("viser", reason=LACKING)
-msgspec = pytest.importorskip("msgspec", reason=LACKING)
-zstandard = pytest.importorskip("zstandard", reason=LACKING)
+WHAT = "stiction.view with viser is"
+framework("viser", WHAT)
+msgspec = framework("msgspec", WHAT)
+zstandard = framework("zstandard", WHAT)
 
 
 def _bytes_of(path):

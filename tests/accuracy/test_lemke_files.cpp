@@ -1,6 +1,5 @@
 #include <gtest/gtest.h>
 
-#include "core/algorithm/solver/lemke/lemke.hpp"
 #include "tests/support/small_systems.hpp"
 #include "tests/support/solve_alone.hpp"
 
@@ -25,7 +24,7 @@ int pivot_all(const ContactBatch<double>& batch, Index rows) {
   int solved = 0;
   for (Offset env = 0; env < batch.env_count(); ++env) {
     if (batch.view().env_rows(env) > rows) continue;
-    const auto solution = solve_alone<Lemke, Law::convex>(batch, options(SolverKind::lemke, 1e-9, 5000), env);
+    const auto solution = solve_alone(batch, options(SolverKind::lemke, 1e-9, 5000), env);
     EXPECT_EQ(solution.status[0].code, EnvCode::solved)
         << "environment " << env << ", residual " << solution.status[0].residual;
     ++solved;

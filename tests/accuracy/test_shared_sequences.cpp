@@ -17,7 +17,7 @@ constexpr const char* kStack = "sequences/stack5_mu05.h5";
 constexpr const char* kHeap = "sequences/heap12_mu07.h5";
 
 /// What `auto` does not solve to 1e-6: for the first nine a mixed-integer program proves that no reaction does
-/// (bench/studies/no_solution.py).
+/// (docs/math/auto.md).
 std::vector<Unsolved> lost_steps() {
   std::vector<Unsolved> lost = all_of({17, 36, 39, 47, 49, 91, 92, 104, 105}, "A is damaged; no solution, proved");
   for (const Unsolved& more : all_of({71, 109, 116, 117, 118}, "A is damaged; no solver is below 4e-4"))

@@ -12,7 +12,7 @@
 #include "tests/support/matrixless.hpp"
 #include "tests/support/random_systems.hpp"
 #include "tests/support/solve_alone.hpp"
-#include "tests/support/solved_alone.hpp"
+#include "tests/support/solve_on_lanes.hpp"
 
 /// Alternating directions without the matrix of the rows: through the velocities, and by conjugate gradients.
 namespace {
@@ -65,19 +65,13 @@ struct Loaded {
         w_(lambda_),
         env_(slice(batch_.view(), view_of(plan_), batch_.law(), static_cast<const Real*>(nullptr), lambda_.data(),
                    w_.data(), &status_, Offset{0})),
-        memory_(static_cast<std::size_t>(elements(workspace)), static_cast<Real>(__builtin_nan(""))),
+        memory_(static_cast<std::size_t>(elements_of<SystemOf<Real>>(env_, workspace)),
+                static_cast<Real>(__builtin_nan(""))),
         system(env_, workspace, memory_.data()) {
     EXPECT_TRUE(is_solvable(load_system(team, env_, system, load_rules<Admm>(batch_.law(), system))));
   }
 
  private:
-  [[nodiscard]] Offset elements(const Workspace& workspace) const {
-    if constexpr (kHasVelocity<SystemOf<Real>>) {
-      return SystemOf<Real>::elements(env_.n, env_.cone_count, env_.dofs, workspace);
-    } else {
-      return SystemOf<Real>::elements(env_.n, env_.cone_count, env_.entry_span(), workspace);
-    }
-  }
   ContactBatch<Real> batch_;
   PlanData plan_;
   std::vector<Real> lambda_, w_;
@@ -231,7 +225,7 @@ TEST(AdmmForms, GradientsGoWhereTheFactorisationGoes) {
     recipe.others = 3;
     const Environment<double> env = random_contacts(recipe);
     const auto by_matrix = solve(batch_of({env}), options(SolverKind::admm, 1e-9, 2000));
-    const auto found = solved_alone<Matrixless<Admm>, Law::convex, double, SparseSystem>(env, 1e-9, 2000);
+    const auto found = solved_alone(env, options(SolverKind::admm, 1e-9, 2000), Law::convex, kSparseWithoutMatrices);
     EXPECT_EQ(found.status[0].code, EnvCode::solved) << found.status[0].residual;
     EXPECT_LE(found.status[0].iterations, 2 * by_matrix.status[0].iterations + 40);
     EXPECT_LE(certify(env, Law::convex, found.lambda).worst(), 1e-7L);
@@ -250,26 +244,25 @@ TEST(AdmmForms, MoreRowsThanAMatrixMayHaveAreSolvedUnderBothLaws) {
   }
 }
 
-template <class Method, Law kLaw, class Real>
-void expect_same_on_teams(const ContactBatch<double>& wide, EnvPath path, const std::string& what) {
+template <class Method, Law kLaw, class System>
+void expect_same_on_teams(const ContactBatch<double>& wide, EnvPath path, const AloneRules& rules) {
+  using Real = typename System::Real;
   const ContactBatch<Real> batch = convert<Real>(wide);
   ASSERT_EQ(make_plan(batch.view()).path[0], path);
   const SolverOptions o = options(SolverKind::admm, 1e-12, 14);  // the penalty may change once
-  const Solution<Real> alone = solve_alone<Method, kLaw>(batch, o);
-  for (const Index width : {2, 3, 8, 33}) {
-    Solution<Real> team{std::vector<Real>(alone.lambda.size()), std::vector<Real>(alone.w.size()),
-                        std::vector<EnvStatus>(1)};
-    solve_on_lanes<Method, kLaw>(batch, o, team, width, width == 3);
-    EXPECT_TRUE(same_bits(alone, team)) << what << ", width " << width;
-  }
+  const Solution<Real> alone = solve_alone(batch, o, 0, rules);
+  for (const Index width : {2, 3, 8, 33})
+    EXPECT_TRUE(same_bits(alone, solve_on_lanes<Method, kLaw, System>(batch, o, width, width == 3 ? 42 : 0)))
+        << "width " << width;
 }
 
 TEST(Torture, AdmmThroughVelocitiesAndByGradientsHasTheSameBitsOnBlocksOfEveryWidth) {
   // One law and precision each: every further one is ten seconds of compiling for the same phases.
   const ContactBatch<double> coulomb = as_factor(some_contacts(12), Law::coulomb);
-  expect_same_on_teams<Admm, Law::coulomb, double>(coulomb, EnvPath::factor, "velocities");
+  expect_same_on_teams<Admm, Law::coulomb, FactorSystem<double>>(coulomb, EnvPath::factor, {});
   const Environment<double> stack = scenes::make("stack", 5, 0, 13).system;
-  expect_same_on_teams<Matrixless<Admm>, Law::convex, float>(batch_of({stack}), EnvPath::sparse, "gradients");
+  expect_same_on_teams<Matrixless<Admm>, Law::convex, SparseSystem<float>>(batch_of({stack}), EnvPath::sparse,
+                                                                           kWithoutMatrices);
 }
 
 }  // namespace

@@ -3,21 +3,20 @@
 #include <limits>
 #include <vector>
 
-#include "core/algorithm/solver/ipm/ipm.hpp"
 #include "tests/support/certificate.hpp"
 #include "tests/support/hand_answers.hpp"
 #include "tests/support/random_systems.hpp"
-#include "tests/support/solved_alone.hpp"
+#include "tests/support/solve_alone.hpp"
 
 namespace {
 
 using namespace stiction;
 using namespace stiction::test;
 
-template <class Real, template <class> class SystemOf = OnDense>
-Solution<Real> solved(const Environment<double>& env, Law law, double tolerance, Index iterations) {
-  return law == Law::convex ? solved_alone<Ipm, Law::convex, Real, SystemOf>(env, tolerance, iterations)
-                            : solved_alone<Ipm, Law::coulomb, Real, SystemOf>(env, tolerance, iterations);
+template <class Real>
+Solution<Real> solved(const Environment<double>& env, Law law, double tolerance, Index iterations,
+                      const AloneRules& rules = {}) {
+  return solved_alone<Real>(env, options(SolverKind::ipm, tolerance, iterations), law, rules);
 }
 
 template <class Real>
@@ -43,8 +42,8 @@ TEST(Ipm, InSinglePrecisionToo) {
 /// The answer of a convex problem is one by the law itself, and was not long in coming.
 void expect_certified(const Environment<double>& env, long double bound) {
   for (const bool dense : {true, false}) {
-    const Solution<double> solution = dense ? solved<double>(env, Law::convex, 1e-11, 100)
-                                            : solved<double, SparseSystem>(env, Law::convex, 1e-11, 100);
+    const Solution<double> solution =
+        dense ? solved<double>(env, Law::convex, 1e-11, 100) : solved<double>(env, Law::convex, 1e-11, 100, kSparse);
     const Certificate found = certify(env, Law::convex, solution.lambda);
     EXPECT_LE(found.worst(), bound) << (dense ? "dense" : "sparse") << ": primal " << found.primal << ", dual "
                                     << found.dual << ", complementarity " << found.complementarity << ", status "

@@ -10,12 +10,10 @@
 #include "tests/support/bits.hpp"
 #include "tests/support/certificate.hpp"
 #include "tests/support/factor_systems.hpp"
-#include "tests/support/jitter_team.hpp"
 #include "tests/support/matrixless.hpp"
 #include "tests/support/random_systems.hpp"
 #include "tests/support/solve_alone.hpp"
-#include "tests/support/solved_alone.hpp"
-#include "tests/support/stress_team.hpp"
+#include "tests/support/solve_on_lanes.hpp"
 
 /// Interior points whose steps are found by conjugate gradients, as in environments that have no room for a matrix.
 namespace {
@@ -23,12 +21,14 @@ namespace {
 using namespace stiction;
 using namespace stiction::test;
 
-/// The method, to which every environment is too large.
-using WithoutMatrices = Matrixless<Ipm>;
-
-template <Law kLaw = Law::convex, class Real = double>
-Solution<Real> solved(const Environment<double>& env, double tolerance, Index iterations) {
-  return solved_alone<WithoutMatrices, kLaw, Real, SparseSystem>(env, tolerance, iterations);
+template <class Real = double>
+Solution<Real> solved(const Environment<double>& env, double tolerance, Index iterations, Law law = Law::convex) {
+  return solved_alone<Real>(env, options(SolverKind::ipm, tolerance, iterations), law, kSparseWithoutMatrices);
+}
+/// With matrices of its own where it has room for them.
+Solution<double> solved_sparse(const Environment<double>& env, double tolerance, Index iterations,
+                               Law law = Law::convex) {
+  return solved_alone(env, options(SolverKind::ipm, tolerance, iterations), law, kSparse);
 }
 
 /// A scene with that compliance on every row, relative to A's mean diagonal.
@@ -59,7 +59,7 @@ TEST(IpmGradients, GoWhereTheFactorisationGoes) {
   for (const double compliance : {1e-1, 1e-3}) {
     SCOPED_TRACE(compliance);
     const Environment<double> env = compliant("stack", 10, compliance);
-    const Solution<double> by_matrix = solved_alone<Ipm, Law::convex, double, SparseSystem>(env, 1e-12, 100);
+    const Solution<double> by_matrix = solved_sparse(env, 1e-12, 100);
     const Solution<double> found = solved(env, 1e-10, 100);
     EXPECT_EQ(found.status[0].code, EnvCode::solved) << found.status[0].residual;
     EXPECT_LE(found.status[0].iterations, by_matrix.status[0].iterations + 30);
@@ -90,7 +90,7 @@ TEST(IpmGradients, AHundredBoxesAreCertifiedWithAndWithoutCompliance) {
     SCOPED_TRACE(compliance);
     const Environment<double> env = compliant("stack", 100, compliance);
     ASSERT_GT(env.b.size(), static_cast<std::size_t>(kDirectRows));
-    const Solution<double> solution = solved_alone<Ipm, Law::convex, double, SparseSystem>(env, 1e-7, 100);
+    const Solution<double> solution = solved_sparse(env, 1e-7, 100);
     EXPECT_EQ(solution.status[0].code, EnvCode::solved) << solution.status[0].residual;
     EXPECT_EQ(solution.status[0].flags, 0U);
     const Certificate found = certify(env, Law::convex, solution.lambda);
@@ -111,7 +111,7 @@ TEST(IpmGradients, FactorsAreCertifiedBelowAndAboveTheLimitOfRows) {
     ASSERT_EQ(make_plan(batch.view()).path[0], EnvPath::factor);
     ASSERT_EQ(env.b.size() > static_cast<std::size_t>(kDirectRows), is_large);
     const SolverOptions o = options(SolverKind::ipm, 1e-8, 100);
-    const Solution<double> solution = is_large ? solve(batch, o) : solve_alone<WithoutMatrices, Law::convex>(batch, o);
+    const Solution<double> solution = is_large ? solve(batch, o) : solve_alone(batch, o, 0, kWithoutMatrices);
     EXPECT_EQ(solution.status[0].code, EnvCode::solved) << solution.status[0].residual;
     EXPECT_EQ(solution.status[0].flags, 0U);
     const Certificate found = certify(env, Law::convex, solution.lambda);
@@ -122,13 +122,13 @@ TEST(IpmGradients, FactorsAreCertifiedBelowAndAboveTheLimitOfRows) {
 
 TEST(IpmGradients, CoulombsLawAndSinglePrecision) {
   const Environment<double> env = scenes::make("stack", 5, 0, 10).system;
-  const Solution<double> coulomb = solved<Law::coulomb>(env, 1e-7, 200);
+  const Solution<double> coulomb = solved(env, 1e-7, 200, Law::coulomb);
   EXPECT_EQ(coulomb.status[0].code, EnvCode::solved) << coulomb.status[0].residual;
   EXPECT_LE(certify(env, Law::coulomb, coulomb.lambda).worst(), 1e-6L);
   // Without compliance rounding in f32 ends it at 1e-5 of b (docs/math/ipm.md).
-  const Solution<float> single = solved<Law::convex, float>(compliant("stack", 10, 1e-2), 1e-5, 100);
+  const Solution<float> single = solved<float>(compliant("stack", 10, 1e-2), 1e-5, 100);
   EXPECT_EQ(single.status[0].code, EnvCode::solved) << single.status[0].residual;
-  const Solution<float> rigid = solved<Law::convex, float>(compliant("stack", 10, 0.0), 3e-5, 100);
+  const Solution<float> rigid = solved<float>(compliant("stack", 10, 0.0), 3e-5, 100);
   EXPECT_EQ(rigid.status[0].code, EnvCode::solved) << rigid.status[0].residual;
 }
 
@@ -161,50 +161,23 @@ TEST(IpmGradients, AnAsymmetricMatrixIsRefusedUnderBothLaws) {
   const auto entry = static_cast<std::size_t>(env.row_offsets[0]);
   ASSERT_NE(env.column[entry + 1], 0);
   env.A[entry + 1] += 0.5 * env.A[entry];
-  const auto convex = solved_alone<Ipm, Law::convex, double, SparseSystem>(env, 1e-3, 5).status[0];
-  const auto coulomb = solved_alone<Ipm, Law::coulomb, double, SparseSystem>(env, 1e-3, 5).status[0];
+  const auto convex = solved_sparse(env, 1e-3, 5).status[0];
+  const auto coulomb = solved_sparse(env, 1e-3, 5, Law::coulomb).status[0];
   for (const EnvStatus& status : {convex, coulomb}) {
     EXPECT_EQ(status.code, EnvCode::unsupported);
     EXPECT_EQ(status.flags, static_cast<std::uint32_t>(kFlagAsymmetric));
   }
 }
 
-/// One solve on a team of any width, or by one lane alone at width 0.
-template <Law kLaw, class Real>
-Solution<Real> on_team(const Environment<double>& environment, Index width) {
-  const ContactBatch<Real> batch = convert<Real>(batch_of({environment}, kLaw));
-  const auto view = batch.view();
-  const PlanData plan = make_plan(view);
-  const auto rows = static_cast<std::size_t>(view.row_count);
-  Solution<Real> solution{std::vector<Real>(rows), std::vector<Real>(rows), std::vector<EnvStatus>(1)};
-  const EnvView<Real> env = slice(view, view_of(plan), kLaw, static_cast<const Real*>(nullptr), solution.lambda.data(),
-                                  solution.w.data(), solution.status.data(), Offset{0});
-  // What an algorithm reads before it writes would show.
-  std::vector<Real> memory(static_cast<std::size_t>(SparseSystem<Real>::elements(
-                               env.n, env.cone_count, view.nonzero_count, WithoutMatrices::workspace())),
-                           static_cast<Real>(__builtin_nan("")));
-  const auto solve_on = [&](auto& team) {
-    SparseSystem<Real> system(env, WithoutMatrices::workspace(), memory.data());
-    solve_environment<WithoutMatrices, kLaw>(team, env, system, MethodParams<Real>{Real(1)}, StopRule{1e-9, 2, 0});
-  };
-  if (width == 0) {
-    SerialTeam team;
-    solve_on(team);
-  } else {
-    run_stressed(
-        width, [](TortureTeam& team, Index rank) { return JitterTeam<StressTeam<8>>(StressTeam<8>(team, rank), 42); },
-        solve_on);
-  }
-  return solution;
-}
-
 template <Law kLaw, class Real>
 void expect_same_on_every_team() {
-  const Environment<double> env = scenes::make("stack", 5, 0, 2).system;
-  const Solution<Real> alone = on_team<kLaw, Real>(env, 0);
+  const ContactBatch<Real> batch = convert<Real>(batch_of({scenes::make("stack", 5, 0, 2).system}, kLaw));
+  const SolverOptions o = options(SolverKind::ipm, 1e-9, 2);
+  const Solution<Real> alone = solve_alone(batch, o, 0, kSparseWithoutMatrices);
   EXPECT_EQ(alone.status[0].iterations, 2);
   for (const Index width : {1, 2, 3, 8, 33})
-    EXPECT_TRUE(same_bits(alone, on_team<kLaw, Real>(env, width))) << "width " << width;
+    EXPECT_TRUE(same_bits(alone, solve_on_lanes<Matrixless<Ipm>, kLaw, SparseSystem<Real>>(batch, o, width, 42)))
+        << "width " << width;
 }
 
 TEST(Torture, IpmWithoutMatricesHasTheSameBitsOnBlocksOfEveryWidth) {

@@ -8,15 +8,15 @@
 #include <vector>
 
 #include "core/algorithm/driver/solve_environment.hpp"
-#include "core/algorithm/pack/evaluate_lanes.hpp"
 #include "core/algorithm/pack/lane_progress.hpp"
 #include "core/algorithm/solver/npgs.hpp"
+#include "cpu_fallback/pack/shared_lanes.hpp"
 #include "tests/support/loaded_lanes.hpp"
 #include "tests/support/prepared.hpp"
 #include "tests/support/random_systems.hpp"
 
-/// Lanes from inside: what they are loaded with and judged by, against each environment alone. Widths are those of
-/// machines that this one need not be: packs of several tiles side by side among them.
+/// Lanes from inside: what they are loaded with and judged by, against each environment alone. Compiled for each of the
+/// library's widths, packs of several tiles side by side among them.
 namespace {
 
 using namespace stiction;
@@ -90,11 +90,7 @@ struct Width {
   using Real = R;
   static constexpr int kWidth = kW;
 };
-#if defined(__AVX2__)
-using Widths = testing::Types<Width<float, 8>, Width<double, 4>, Width<float, 16>, Width<double, 8>>;
-#else
-using Widths = testing::Types<Width<float, 4>, Width<double, 2>, Width<float, 8>, Width<double, 4>>;
-#endif
+using Widths = testing::Types<Width<float, kPackWidth<float>>, Width<double, kPackWidth<double>>>;
 TYPED_TEST_SUITE(LanesOf, Widths);
 
 TYPED_TEST(LanesOf, HoldWhatAnEnvironmentHasByItself) {

@@ -20,7 +20,7 @@ namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 Solution<double> pivot(const Environment<double>& env, double tolerance = 1e-12, Index pivots = 1000) {
-  return solve_alone<Lemke, Law::convex>(batch_of({env}), options(SolverKind::lemke, tolerance, pivots));
+  return solve_alone(batch_of({env}), options(SolverKind::lemke, tolerance, pivots));
 }
 
 double judged(const Environment<double>& env, const std::vector<double>& lambda) {
@@ -376,8 +376,7 @@ TEST(Lemke, SinglePrecisionIsAnsweredToItsRounding) {
     constexpr std::size_t kRows = 12;
     Environment<double> env = random_rows(rng, kRows);
     env.set_dense(random_matrix(rng, kRows, kRows, 0.5, 0.1), kRows);
-    const auto solution =
-        solve_alone<Lemke, Law::convex>(convert<float>(batch_of({env})), options(SolverKind::lemke, 1e-5, 1000));
+    const auto solution = solve_alone(convert<float>(batch_of({env})), options(SolverKind::lemke, 1e-5, 1000));
     EXPECT_EQ(solution.status[0].code, EnvCode::solved) << trial << ", residual " << solution.status[0].residual;
   }
 }

@@ -4,7 +4,6 @@
 #include <span>
 #include <vector>
 
-#include "core/algorithm/solver/lemke/lemke.hpp"
 #include "scenes/rng.hpp"
 #include "stiction/residual.hpp"
 #include "tests/support/small_systems.hpp"
@@ -35,7 +34,7 @@ Environment<double> problem_of(const Game& game) {
 }
 
 Solution<double> play(const Game& game) {
-  return solve_alone<Lemke, Law::convex>(batch_of({problem_of(game)}), options(SolverKind::lemke, 1e-10, 4096));
+  return solve_alone(batch_of({problem_of(game)}), options(SolverKind::lemke, 1e-10, 4096));
 }
 
 /// Plays the mixed choices lambda against the costs themselves: what is played must cost 1, and nothing may cost less.
@@ -110,8 +109,7 @@ TEST(LemkeGames, WhatHasNoSolutionStillEndsOnARay) {
   const auto alone = system({unilateral()}, {-1}, {-1});
   const auto three = system({unilateral(), unilateral(), unilateral()}, {0, -1, -1, 1, 0, 0, -1, 0, 0}, {-1e-4, -1, 1});
   for (const auto& env : {alone, three}) {
-    const Solution<double> solution =
-        solve_alone<Lemke, Law::convex>(batch_of({env}), options(SolverKind::lemke, 1e-10, 4096));
+    const Solution<double> solution = solve_alone(batch_of({env}), options(SolverKind::lemke, 1e-10, 4096));
     EXPECT_EQ(solution.status[0].code, EnvCode::stalled);
     EXPECT_EQ(solution.status[0].flags & kFlagRay, kFlagRay);
     EXPECT_LE(solution.status[0].iterations, 40);

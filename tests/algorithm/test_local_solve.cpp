@@ -135,11 +135,11 @@ TEST(LocalSolve, TheFixedPointOfEitherStepIsTheSolutionOfItsLaw) {
 TEST(LocalSolve, AProximalPointAddsDeSaxcesTermUnderCoulombsLawOnly) {
   const double y[] = {-1.0, 3.0, 4.0};
   double convex[] = {0.0, 0.0, 0.0};
-  proximal_point<Law::convex>(ConeShape<ConeKind::friction, 3>{}, convex, y, 1.0, 0.0, 0.0);
+  proximal_point(ConeShape<ConeKind::friction, 3>{}, convex, y, 1.0, 0.0, 0.0, Law::convex);
   // z = (1, -3, -4): onto the cone, half of 1 + 5.
   EXPECT_EQ(convex[0], 3.0);
   double coulomb[] = {0.0, 0.0, 0.0};
-  proximal_point<Law::coulomb>(ConeShape<ConeKind::friction, 3>{}, coulomb, y, 1.0, 0.0, 0.0);
+  proximal_point(ConeShape<ConeKind::friction, 3>{}, coulomb, y, 1.0, 0.0, 0.0, Law::coulomb);
   // z = (1 - 5, -3, -4): half of -4 + 5.
   EXPECT_EQ(coulomb[0], 0.5);
 }

@@ -5,11 +5,13 @@
 #include <cmath>
 #include <vector>
 
+#include "tests/support/bits.hpp"
 #include "tests/support/hand_answers.hpp"
 #include "tests/support/oracle.hpp"
 #include "tests/support/prepared.hpp"
 #include "tests/support/random_systems.hpp"
-#include "tests/support/stress_team.hpp"
+#include "tests/support/solve_alone.hpp"
+#include "tests/support/torture_cases.hpp"
 
 namespace stiction::test {
 namespace {
@@ -186,30 +188,21 @@ TEST(Newton, NothingIsNotANumberWhereBoundsMeetFrictionIsAbsentOrNothingMoves) {
     }
 }
 
-/// The x of both systems after a few iterations, on a team of `width` lanes.
-template <Law kLaw, template <class> class SystemOf>
-std::vector<double> on_a_team(const Environment<double>& env, Index width) {
-  Prepared<Newton, kLaw, SystemOf> prepared(env);
-  auto& s = prepared.system();
-  run_stressed<2>(width, [&](auto& team) {
-    for (int k = 0; k < 4; ++k) Newton::iterate<kLaw>(team, s, Params{1.0});
-  });
-  std::vector<double> x;
-  for (Index i = 0; i < s.n; ++i) x.push_back(s.x[i]);
-  return x;
-}
-template <Law kLaw, template <class> class SystemOf>
-void expect_same_bits_on_teams(const Environment<double>& env) {
-  const std::vector<double> alone = on_a_team<kLaw, SystemOf>(env, 1);
-  for (const Index width : {2, 3, 8, 33}) EXPECT_EQ((on_a_team<kLaw, SystemOf>(env, width)), alone) << width;
+void expect_same_bits_on_teams(const Environment<double>& env, Law law, EnvPath path) {
+  const ContactBatch<double> batch = batch_of({env}, law);
+  ASSERT_EQ(make_plan(batch.view()).path[0], path);
+  const SolverOptions o = options(SolverKind::newton, 1e-14, 4);
+  const Solution<double> alone = solve_alone(batch, o);
+  for (const Index width : {2, 3, 8, 33}) EXPECT_TRUE(same_bits(alone, solve_on_teams(batch, o, width))) << width;
 }
 TEST(Newton, TheNumberOfLanesChangesNoBit) {
-  for (const double compliance : {0.01, 0.0}) {
-    const Environment<double> env = random_contacts(recipe_of(7, 0.6, compliance));
-    expect_same_bits_on_teams<Law::convex, Dense>(env);
-    expect_same_bits_on_teams<Law::convex, SparseSystem>(env);
-    expect_same_bits_on_teams<Law::coulomb, Dense>(env);
-  }
+  for (const double compliance : {0.01, 0.0})
+    for (const Law law : kBothLaws) {
+      Recipe recipe = recipe_of(7, 0.6, compliance);
+      expect_same_bits_on_teams(random_contacts(recipe), law, EnvPath::dense);
+      recipe.contacts = 20;
+      expect_same_bits_on_teams(random_contacts(recipe), law, EnvPath::sparse);
+    }
 }
 
 }  // namespace

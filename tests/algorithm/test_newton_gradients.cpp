@@ -13,7 +13,7 @@
 #include "tests/support/oracle.hpp"
 #include "tests/support/random_systems.hpp"
 #include "tests/support/solve_alone.hpp"
-#include "tests/support/solved_alone.hpp"
+#include "tests/support/solve_on_lanes.hpp"
 
 /// Newton's method whose steps come from gradients, as in environments that have no room for a matrix.
 namespace {
@@ -21,7 +21,9 @@ namespace {
 using namespace stiction;
 using namespace stiction::test;
 
-using WithoutMatrices = Matrixless<Newton>;
+Solution<double> without_matrices(const Environment<double>& env, Law law, double tolerance, Index iterations) {
+  return solved_alone(env, options(SolverKind::newton, tolerance, iterations), law, kSparseWithoutMatrices);
+}
 
 Environment<double> some_contacts(std::uint64_t seed, double rank, double compliance) {
   Recipe recipe;
@@ -39,7 +41,7 @@ TEST(NewtonGradients, CompliantSystemsHaveTheOraclesAnswerEvenIfTheyAreSingular)
     for (std::uint64_t seed = 0; seed < 10; ++seed) {
       SCOPED_TRACE(testing::Message() << "rank " << rank << ", seed " << seed);
       const Environment<double> env = some_contacts(seed, rank, 0.01);
-      const auto found = solved_alone<WithoutMatrices, Law::convex, double, SparseSystem>(env, 1e-10, 60);
+      const auto found = without_matrices(env, Law::convex, 1e-10, 60);
       EXPECT_EQ(found.status[0].code, EnvCode::solved) << found.status[0].residual;
       EXPECT_LE(found.status[0].iterations, 30);
       const oracle::Answer truth = oracle::solve_convex(env);
@@ -53,7 +55,7 @@ TEST(NewtonGradients, ATowerWithLittleComplianceTakesFewerIterationsThanItHasCon
   Environment<double> env = scenes::make("stack", 5, 0, 8).system;
   env.R.assign(env.b.size(), 1e-3);
   const auto by_matrix = solve(batch_of({env}), options(SolverKind::newton, 1e-9, 100));
-  const auto found = solved_alone<WithoutMatrices, Law::convex, double, SparseSystem>(env, 1e-9, 100);
+  const auto found = without_matrices(env, Law::convex, 1e-9, 100);
   EXPECT_EQ(found.status[0].code, EnvCode::solved) << found.status[0].residual;
   EXPECT_LE(found.status[0].iterations, 2 * by_matrix.status[0].iterations + 10);
   double size = 0;
@@ -67,10 +69,10 @@ TEST(NewtonGradients, RigidSystemsUnderBothLaws) {
   for (std::uint64_t seed = 0; seed < 10; ++seed) {
     SCOPED_TRACE(seed);
     const Environment<double> env = some_contacts(seed, 1.5, 0.0);
-    const auto convex = solved_alone<WithoutMatrices, Law::convex, double, SparseSystem>(env, 1e-9, 100);
+    const auto convex = without_matrices(env, Law::convex, 1e-9, 100);
     EXPECT_EQ(convex.status[0].code, EnvCode::solved) << convex.status[0].residual;
     EXPECT_LE(certify(env, Law::convex, convex.lambda).worst(), 1e-7L);
-    const auto coulomb = solved_alone<WithoutMatrices, Law::coulomb, double, SparseSystem>(env, 1e-9, 100);
+    const auto coulomb = without_matrices(env, Law::coulomb, 1e-9, 100);
     EXPECT_EQ(coulomb.status[0].code, EnvCode::solved) << coulomb.status[0].residual;
     EXPECT_LE(certify(env, Law::coulomb, coulomb.lambda).worst(), 1e-7L);
   }
@@ -85,14 +87,14 @@ TEST(NewtonGradients, FactorsInBothBranchesAndInSinglePrecision) {
   const JacobianEnvironment<double> contacts = random_jacobian(recipe);
   const Environment<double> env = as_matrix(contacts);
   const SolverOptions o = options(SolverKind::newton, 1e-9, 200);
-  const auto primal = solve_alone<WithoutMatrices, Law::convex>(as_factor(contacts, Law::convex), o);
+  const auto primal = solve_alone(as_factor(contacts, Law::convex), o, 0, kWithoutMatrices);
   EXPECT_EQ(primal.status[0].code, EnvCode::solved) << primal.status[0].residual;
   EXPECT_LE(certify(env, Law::convex, primal.lambda).worst(), 1e-7L);
-  const auto proximal = solve_alone<WithoutMatrices, Law::coulomb>(as_factor(contacts, Law::coulomb), o);
+  const auto proximal = solve_alone(as_factor(contacts, Law::coulomb), o, 0, kWithoutMatrices);
   EXPECT_EQ(proximal.status[0].code, EnvCode::solved) << proximal.status[0].residual;
   EXPECT_LE(certify(env, Law::coulomb, proximal.lambda).worst(), 1e-7L);
-  const auto narrow = solve_alone<WithoutMatrices, Law::convex>(convert<float>(as_factor(contacts, Law::convex)),
-                                                                options(SolverKind::newton, 1e-4, 200));
+  const auto narrow = solve_alone(convert<float>(as_factor(contacts, Law::convex)),
+                                  options(SolverKind::newton, 1e-4, 200), 0, kWithoutMatrices);
   EXPECT_EQ(narrow.status[0].code, EnvCode::solved) << narrow.status[0].residual;
 }
 
@@ -127,13 +129,11 @@ template <Law kLaw, class Real>
 void expect_same_on_teams(const ContactBatch<double>& wide, const std::string& what) {
   const ContactBatch<Real> batch = convert<Real>(wide);
   const SolverOptions o = options(SolverKind::newton, 1e-12, 2);
-  const Solution<Real> alone = solve_alone<WithoutMatrices, kLaw>(batch, o);
-  for (const Index width : {1, 2, 3, 8, 33}) {
-    Solution<Real> team{std::vector<Real>(alone.lambda.size()), std::vector<Real>(alone.w.size()),
-                        std::vector<EnvStatus>(1)};
-    solve_on_lanes<WithoutMatrices, kLaw>(batch, o, team, width, width == 3);
-    EXPECT_TRUE(same_bits(alone, team)) << what << ", width " << width;
-  }
+  const Solution<Real> alone = solve_alone(batch, o, 0, kWithoutMatrices);
+  for (const Index width : {1, 2, 3, 8, 33})
+    EXPECT_TRUE(same_bits(
+        alone, solve_on_lanes<Matrixless<Newton>, kLaw, FactorSystem<Real>>(batch, o, width, width == 3 ? 42 : 0)))
+        << what << ", width " << width;
 }
 
 TEST(Torture, NewtonByGradientsHasTheSameBitsOnBlocksOfEveryWidth) {

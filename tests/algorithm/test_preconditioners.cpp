@@ -4,7 +4,6 @@
 #include <vector>
 
 #include "stiction/error.hpp"
-#include "tests/support/jitter_team.hpp"
 #include "tests/support/preconditioner_room.hpp"
 #include "tests/support/stress_team.hpp"
 
@@ -74,11 +73,12 @@ TEST(Preconditioners, LanesChangeNoBit) {
           std::fill(workspace.memory.begin(), workspace.memory.end(), -77.0);
           std::vector<double> there(r.size());
           run_stressed(
-              lanes, [](TortureTeam& team, Index rank) { return JitterTeam(StressTeam<4>(team, rank), 9); },
+              lanes,
               [&](auto& team) {
                 workspace.use(team,
                               [&](const auto& preconditioner) { preconditioner.apply(team, r.data(), there.data()); });
-              });
+              },
+              9);
           EXPECT_EQ(there, z) << name_of(kind) << " on " << lanes;
           EXPECT_EQ(workspace.memory, prepared) << name_of(kind) << " on " << lanes;
         }

@@ -189,6 +189,9 @@ TEST(ResidualBody, WhatItCannotSeeIsNotSolvedWhateverIsAllowed) {
   EXPECT_EQ(relative(0.0, kInfinite, 0.0), kInfinite);
   EXPECT_EQ(relative(1.0, 3.0, 2.0), 3.0) << "roundings hide more than is allowed";
   EXPECT_EQ(relative(1.0, 3.0, 4.0), 1.0);
+  const Verdict beyond = judge<double>({0.0, kInfinite, kInfinite, 0.0, 0.0}, 1.0, {1e30, 0.0});
+  EXPECT_FALSE(beyond.is_final()) << "reactions that are no numbers beside a contact that cannot move";
+  EXPECT_FALSE(judge<double>({1.0, 0.0, kInfinite, 0.0, 0.0}, 1.0, {2.0, 0.0}).is_solved);
   // A fuzzer's: de Saxce's term overflows, and so does the tolerance times max|b|, so that one was held against the
   // other.
   ContactBatch<double> batch(Law::coulomb);

@@ -9,7 +9,6 @@
 #include "scenes/body_scenes.hpp"
 #include "tests/support/bits.hpp"
 #include "tests/support/body_systems.hpp"
-#include "tests/support/jitter_team.hpp"
 #include "tests/support/stress_team.hpp"
 
 /// One body environment on teams of every width, by threads that race unless the body syncs: each must give the bits
@@ -49,16 +48,17 @@ class SiCase {
 
   [[nodiscard]] const BodySolution<Real>& expected() const { return expected_; }
 
-  template <class Make>
-  void expect_same(Index width, const Make& make) const {
+  /// With a seed the lanes disagree about speed. Each takes a row at once, as a GPU's; the emulated device's take four.
+  void expect_same(Index width, std::uint64_t seed = 0) const {
     using System = BodySystem<Real, kLaw>;
     std::vector<Real> memory = unwritten<Real>(System::elements(kept(), bodies(), options_.momentum));
     std::vector<double> exact = unwritten<double>(System::exact_elements(bodies()));
     Answer answer(*this);
-    run_stressed(width, make, [&](auto& team) {
+    const auto solve_on = [&](auto& team) {
       const System system(answer.env.kept, answer.env.bodies, answer.params, memory.data(), exact.data());
       solve_bodies(team, answer.env, system, answer.params);
-    });
+    };
+    run_stressed<1>(width, solve_on, seed);
     answer.expect_same("width " + std::to_string(width));
   }
 
@@ -77,12 +77,10 @@ class SiCase {
   }
 
   void expect_same_on_all_blocks() const {
-    for (const Index width : {1, 2, 3, 8, 33})
-      expect_same(width, [](TortureTeam& team, Index rank) { return StressTeam<1>(team, rank); });
-    for (const Index width : {2, 5})
-      expect_same(
-          width, [](TortureTeam& team, Index rank) { return JitterTeam<StressTeam<4>>(StressTeam<4>(team, rank), 7); });
-    expect_same_with_a_stride();
+    for (const Index width : {1, 2, 3, 8, 33}) expect_same(width);
+    for (const Index width : {2, 5}) expect_same(width, 7);
+    // A stride is a matter of where numbers lie, whatever their precision.
+    if constexpr (std::is_same_v<Real, float>) expect_same_with_a_stride();
   }
 
  private:

@@ -1,12 +1,9 @@
 #include "core/algorithm/jacobian/delassus.hpp"
-#include "core/algorithm/solver/apgd.hpp"
-#include "core/algorithm/solver/jacobi.hpp"
-#include "core/algorithm/solver/newton/newton.hpp"
-#include "core/algorithm/solver/npgs.hpp"
 #include "core/base/pack.hpp"
 
 #include "tests/support/jacobian_systems.hpp"
 #include "tests/support/roomy_jacobians.hpp"
+#include "tests/support/stress_team.hpp"
 #include "tests/support/torture_cases.hpp"
 
 namespace stiction::test {
@@ -15,49 +12,29 @@ namespace {
 
 constexpr Index kLanes[] = {1, 2, 3, 8, 33};
 
-/// The factor form of one environment, solved through the public interface and by bodies on teams of every width.
-template <class Method, Law kLaw, class Real>
-void torture_factor() {
-  JacobianBatch<double> jacobian(kLaw);
+/// The factor form of one environment, solved through the public interface and on teams of every width.
+template <class Real>
+void torture_factor(SolverKind solver, Law law) {
+  JacobianBatch<double> jacobian(law);
   jacobian.add(random_jacobian({3, 5, 4, 11, 0}));
   const ContactBatch<Real> batch = convert<Real>(assemble(jacobian.view(), FactorUse::always));
-  const PlanData plan = make_plan(batch.view());
-  ASSERT_EQ(plan.path[0], EnvPath::factor);
-  const auto rows = static_cast<std::size_t>(batch.row_count());
-  std::vector<Real> warm(rows, Real(0.125));
-  SolverOptions o = options(Method::kKind, 1e-3, 5);
-  const auto expected = solve(batch, o, Device::cpu(), std::span<const Real>(warm));
-
-  for (const Index width : kLanes) {
-    Solution<Real> solution{std::vector<Real>(rows), std::vector<Real>(rows), std::vector<EnvStatus>(1)};
-    const EnvView<Real> env = slice(batch.view(), view_of(plan), kLaw, static_cast<const Real*>(warm.data()),
-                                    solution.lambda.data(), solution.w.data(), solution.status.data(), Offset{0});
-    std::vector<Real> memory(
-        static_cast<std::size_t>(FactorSystem<Real>::elements(env.n, env.cone_count, env.dofs, Method::workspace())),
-        static_cast<Real>(__builtin_nan("")));
-    run_stressed(width, kTorture<1>, [&](auto& team) {
-      FactorSystem<Real> system(env, Method::workspace(), memory.data());
-      solve_environment<Method, kLaw>(team, env, system, MethodParams<Real>{Real(o.omega)},
-                                      StopRule{o.tolerance, o.max_iterations, o.stall_window});
-    });
-    EXPECT_TRUE(same_bits(expected, solution)) << to_string(Method::kKind) << ", width " << width;
-  }
-}
-
-template <class Method>
-void torture_both_laws() {
-  torture_factor<Method, Law::convex, float>();
-  torture_factor<Method, Law::coulomb, double>();
+  ASSERT_EQ(make_plan(batch.view()).path[0], EnvPath::factor);
+  const std::vector<Real> warm(static_cast<std::size_t>(batch.row_count()), Real(0.125));
+  const SolverOptions o = options(solver, 1e-3, 5);
+  const Solution<Real> expected = solve(batch, o, Device::cpu(), std::span<const Real>(warm));
+  for (const Index width : kLanes)
+    EXPECT_TRUE(same_bits(expected, solve_on_teams(batch, o, width, warm))) << label(solver, law) << ", " << width;
 }
 
 }  // namespace
 
 TEST(Torture, FactorsHaveTheSameBitsOnBlocksOfEveryWidth) {
-  torture_both_laws<Pgs>();
-  torture_both_laws<Npgs>();
-  torture_both_laws<Jacobi>();
-  torture_both_laws<Apgd>();
-  torture_both_laws<Newton>();
+  for (const SolverKind solver :
+       {SolverKind::pgs, SolverKind::npgs, SolverKind::jacobi, SolverKind::apgd, SolverKind::newton})
+    for (const Law law : kBothLaws) {
+      torture_factor<float>(solver, law);
+      torture_factor<double>(solver, law);
+    }
 }
 
 /// What one environment is assembled to, and where reactions of 0.25 take it. Teams have all widths, their lanes
@@ -80,7 +57,7 @@ void expect_same_form(const JacobianBatchView<double>& view) {
       job.lambda = lambda.data();
       job.velocity = moved.data();
       std::vector<double> scratch(static_cast<std::size_t>(jacobian_elements<Tile>(view, 0)), __builtin_nan(""));
-      run_stressed(width, kTorture<8>, [&](auto& team) {
+      run_stressed<8>(width, [&](auto& team) {
         assemble_env<Tile>(team, job, 0, scratch.data());
         team.sync();
         velocity_env<Tile>(team, job, 0, scratch.data());

@@ -1,15 +1,14 @@
 #include <gtest/gtest.h>
 
-#include <string>
 #include <vector>
 
 #include "core/algorithm/solver/lemke/lemke.hpp"
 #include "scenes/rng.hpp"
 #include "tests/support/bits.hpp"
-#include "tests/support/jitter_team.hpp"
 #include "tests/support/small_systems.hpp"
 #include "tests/support/solve_alone.hpp"
-#include "tests/support/stress_team.hpp"
+#include "tests/support/solve_on_lanes.hpp"
+#include "tests/support/torture_cases.hpp"
 
 /// The scenes of torture_cases.hpp have friction, which Lemke refuses; these have every kind of row that it takes.
 namespace stiction::test {
@@ -42,20 +41,12 @@ template <class Real>
 void torture(const Environment<double>& environment, EnvPath path) {
   const ContactBatch<Real> batch = convert<Real>(batch_of({environment}));
   const SolverOptions o = options(SolverKind::lemke, 1e-3, 1000);
-  const Solution<Real> expected = solve_alone<Lemke, Law::convex>(batch, o);
+  const Solution<Real> expected = solve_alone(batch, o);
   EXPECT_EQ(expected.status[0].code, EnvCode::solved) << expected.status[0].residual;
   EXPECT_GT(expected.status[0].iterations, Lemke::kChunk) << "the path is longer than one chunk";
-  const PlanData plan = make_plan(batch.view());
-  ASSERT_EQ(plan.path[0], path);
+  ASSERT_EQ(make_plan(batch.view()).path[0], path);
   for (const Index width : {1, 2, 3, 8, 33})
-    for (const bool jitter : {false, true}) {
-      if (jitter && width > 8) continue;
-      Solution<Real> there = expected;
-      there.lambda.assign(there.lambda.size(), Real(7));
-      there.status[0] = {};
-      solve_on_lanes<Lemke, Law::convex>(batch, o, there, width, jitter);
-      EXPECT_TRUE(same_bits(expected, there)) << "width " << width << (jitter ? ", jitter" : "");
-    }
+    EXPECT_TRUE(same_bits(expected, solve_on_teams(batch, o, width))) << "width " << width;
 }
 
 TEST(Torture, LemkeHasTheSameBitsOnTeamsOfEveryWidth) {
@@ -65,6 +56,16 @@ TEST(Torture, LemkeHasTheSameBitsOnTeamsOfEveryWidth) {
   const Environment<double> large = islands(72, 12);
   torture<float>(large, EnvPath::sparse);
   torture<double>(large, EnvPath::sparse);
+}
+
+TEST(Torture, LemkesLanesThatDawdleChangeNoBit) {
+  for (const Index width : {1, 2, 3, 8}) {
+    const ContactBatch<float> batch = convert<float>(batch_of({islands(40, 40)}));
+    const SolverOptions o = options(SolverKind::lemke, 1e-3, 1000);
+    EXPECT_TRUE(
+        same_bits(solve_alone(batch, o), solve_on_lanes<Lemke, Law::convex, DenseSystem<float>>(batch, o, width, 42)))
+        << "width " << width;
+  }
 }
 
 }  // namespace

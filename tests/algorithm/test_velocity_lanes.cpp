@@ -6,81 +6,18 @@
 #include <string>
 #include <vector>
 
-#include "core/algorithm/velocity/evaluate/velocity_result.hpp"
 #include "core/algorithm/velocity/lanes/likeness.hpp"
-#include "core/algorithm/velocity/solve_pack.hpp"
 #include "stiction/residual.hpp"
-#include "tests/support/bits.hpp"
 #include "tests/support/roomy_jacobians.hpp"
 #include "tests/support/velocity_cases.hpp"
+#include "tests/support/velocity_packs.hpp"
 
-/// Newton's method in velocities from inside: packs of every width, with unlike and broken environments in them,
-/// against each environment alone.
+/// Newton's method in velocities from inside: the library's packs of every width, with unlike and broken environments
+/// in them, against each environment alone.
 namespace {
 
 using namespace stiction;
 using namespace stiction::test;
-
-/// Memory that is written over before it is used: nothing may be taken from what was there.
-template <class Types>
-struct Memory {
-  std::vector<Offset>& lists_memory;
-  std::vector<double>& numbers_memory;
-
-  [[nodiscard]] void* lists(Offset bytes) const {
-    lists_memory.assign(static_cast<std::size_t>(bytes) / sizeof(Offset) + 1, -1);
-    return lists_memory.data();
-  }
-  [[nodiscard]] VelocityWorkspace<Types> numbers(const SlotCounts& counts, Index dofs, Index tree_entries) const {
-    const auto size = static_cast<std::size_t>(VelocityWorkspace<Types>::doubles(counts, dofs, tree_entries));
-    numbers_memory.assign(size + 1, std::numeric_limits<double>::quiet_NaN());
-    return VelocityWorkspace<Types>(numbers_memory.data(), counts, dofs, tree_entries);
-  }
-};
-
-template <class Real>
-struct Answers {
-  std::vector<Real> lambda, w, velocity;
-  std::vector<EnvStatus> status;
-  std::vector<std::uint8_t> answered;
-};
-
-/// Environments of a batch in the lanes of packs, in that order.
-template <class Wide, class Set = DofSet, class Real = Scalar<Wide>>
-auto solve_in_packs(const JacobianBatch<Real>& batch, const std::vector<Offset>& order, double tolerance,
-                    const JacobianStart<Real>& start = {}) {
-  using Types = LaneTypes<Wide, RealTraits<Wide>::kLanes, Set, Real>;
-  Answers<Real> answers;
-  const JacobianBatchView<Real> view = batch.view();
-  answers.lambda.assign(static_cast<std::size_t>(view.row_count), Real(-7));
-  answers.w = answers.lambda;
-  answers.velocity.assign(static_cast<std::size_t>(view.dof_count), Real(-7));
-  answers.status.resize(static_cast<std::size_t>(view.env_count));
-  answers.answered.assign(static_cast<std::size_t>(view.env_count), 9);
-  VelocityJob<Real> job;
-  job.batch = view;
-  job.law = view.law;
-  job.tolerance = tolerance;
-  job.max_iterations = 100;
-  job.warm_start = start.reactions;
-  job.warm_velocity = start.velocities;
-  job.to = {answers.lambda.data(), answers.w.data(), answers.velocity.data(), answers.status.data()};
-  job.answered = answers.answered.data();
-  std::vector<Offset> lists;
-  std::vector<double> numbers;
-  for (std::size_t at = 0; at < order.size(); at += Types::kLanes) {
-    const auto count = std::min<std::size_t>(Types::kLanes, order.size() - at);
-    LaneEnv<Real> members[Types::kLanes];
-    VelocityResult results[Types::kLanes];
-    for (std::size_t i = 0; i < count; ++i) {
-      members[i] = lane_env(view, order[at + i]);
-      members[i].result = &results[i];
-    }
-    solve_pack<Types>(job, members, static_cast<Index>(count), Memory<Types>{lists, numbers});
-    for (std::size_t i = 0; i < count; ++i) finish(job, order[at + i], results[i]);
-  }
-  return answers;
-}
 
 /// Chains of unlike length, cones and stiffness: none fits its neighbours' slots or tree.
 std::vector<JacobianEnvironment<double>> unlike_environments(MassForm form) {
@@ -114,15 +51,6 @@ std::vector<Offset> shuffled(Offset count) {
   return order;
 }
 
-template <class Real>
-void expect_the_same(const Answers<Real>& expected, const Answers<Real>& actual) {
-  EXPECT_EQ(expected.answered, actual.answered);
-  EXPECT_TRUE(same_bits(std::span<const Real>(expected.lambda), std::span<const Real>(actual.lambda)));
-  EXPECT_TRUE(same_bits(std::span<const Real>(expected.w), std::span<const Real>(actual.w)));
-  EXPECT_TRUE(same_bits(std::span<const Real>(expected.velocity), std::span<const Real>(actual.velocity)));
-  EXPECT_TRUE(same_bits(std::span<const EnvStatus>(expected.status), std::span<const EnvStatus>(actual.status)));
-}
-
 /// Guesses near the answers, some of which are not finite.
 template <class Real>
 struct Guess {
@@ -141,13 +69,11 @@ struct Guess {
   }
 };
 
-template <class Wide, class Real = Scalar<Wide>>
+template <class Number, class Real = Number>
 void expect_the_bits_of_single_environments(Law law, MassForm form, double tolerance) {
-  const auto one_by_one = [&](auto&&... arguments) { return solve_in_packs<Scalar<Wide>, DofSet, Real>(arguments...); };
-  const auto in_packs = [&](auto&&... arguments) { return solve_in_packs<Wide, DofSet, Real>(arguments...); };
   const auto batch = unlike_chains<Real>(law, form);
   const auto upward = upwards(batch.env_count());
-  const auto cold = one_by_one(batch, upward, tolerance);
+  const auto cold = solve_one_by_one(batch, upward, tolerance);
   EXPECT_GE(std::count(cold.answered.begin(), cold.answered.end(), 1), law == Law::convex ? 21 : 15)
       << "fewer are solved than were";
   const Guess<Real> guess(batch.view(), cold);
@@ -158,9 +84,12 @@ void expect_the_bits_of_single_environments(Law law, MassForm form, double toler
         JacobianStart<Real>{reactions, velocities}}) {
     SCOPED_TRACE(::testing::Message() << "reactions " << (start.reactions != nullptr) << ", velocities "
                                       << (start.velocities != nullptr));
-    const auto expected = one_by_one(batch, upward, tolerance, start);
-    expect_the_same(expected, in_packs(batch, upward, tolerance, start));
-    expect_the_same(expected, in_packs(batch, shuffled(batch.env_count()), tolerance, start));
+    const auto expected = solve_one_by_one(batch, upward, tolerance, start);
+    for (const cpu::Isa* isa : builds_with_packs()) {
+      SCOPED_TRACE(isa->name);
+      expect_the_same(expected, solve_in_packs<Number>(*isa, batch, upward, tolerance, start));
+      expect_the_same(expected, solve_in_packs<Number>(*isa, batch, shuffled(batch.env_count()), tolerance, start));
+    }
     const auto rejected = static_cast<std::uint32_t>(kFlagWarmStartRejected);
     // A sequence of problems reads reactions alone, where there are any.
     const bool reads = start.velocities != nullptr && (law == Law::convex || start.reactions == nullptr);
@@ -172,15 +101,9 @@ TEST(VelocityLanes, EveryWidthHasTheBitsOfASingleEnvironment) {
   for (const MassForm form : {MassForm::matrix, MassForm::factor})
     for (const Law law : {Law::convex, Law::coulomb}) {
       SCOPED_TRACE(std::string(to_string(law)) + (form == MassForm::matrix ? ", M" : ", its factor"));
-      expect_the_bits_of_single_environments<Pack<double, 2>>(law, form, 1e-8);
-      expect_the_bits_of_single_environments<Pack<double, 4>>(law, form, 1e-8);
-      expect_the_bits_of_single_environments<Pack<double, 8>>(law, form, 1e-8);
-      expect_the_bits_of_single_environments<Pack<float, 4>>(law, form, 1e-4);
-      expect_the_bits_of_single_environments<Pack<float, 8>>(law, form, 1e-4);
-      expect_the_bits_of_single_environments<Pack<float, 16>>(law, form, 1e-4);
-      expect_the_bits_of_single_environments<Pack<double, 2>, float>(law, form, 1e-6);
-      expect_the_bits_of_single_environments<Pack<double, 4>, float>(law, form, 1e-6);
-      expect_the_bits_of_single_environments<Pack<double, 8>, float>(law, form, 1e-6);
+      expect_the_bits_of_single_environments<double>(law, form, 1e-8);
+      expect_the_bits_of_single_environments<float>(law, form, 1e-4);
+      expect_the_bits_of_single_environments<double, float>(law, form, 1e-6);
     }
 }
 
@@ -192,7 +115,7 @@ TEST(VelocityLanes, StepsInDoubleSolveWhatSinglePrecisionGets) {
     batch.add(cast<float>(env));
     exact.add(cast<double>(cast<float>(env)));
   }
-  const auto answers = solve_in_packs<double, DofSet, float>(batch, upwards(batch.env_count()), 1e-6);
+  const auto answers = solve_one_by_one(batch, upwards(batch.env_count()), 1e-6);
   const std::vector<double> lambda(answers.lambda.begin(), answers.lambda.end());
   const auto judged = verify(assemble(exact.view()).view(), std::span<const double>(lambda));
   Offset solved = 0;
@@ -240,9 +163,8 @@ TEST(VelocityLanes, LargeSetsHaveTheBitsOfWords) {
   for (const MassForm form : {MassForm::matrix, MassForm::factor}) {
     const auto batch = unlike_chains<double>(Law::convex, form);
     const auto order = shuffled(batch.env_count());
-    const auto expected = solve_in_packs<double>(batch, order, 1e-8);
-    expect_the_same(expected, solve_in_packs<double, LargeDofSet>(batch, order, 1e-8));
-    expect_the_same(expected, solve_in_packs<Pack<double, 4>, LargeDofSet>(batch, order, 1e-8));
+    const auto expected = solve_one_by_one(batch, order, 1e-8);
+    expect_the_same(expected, solve_with_large_sets(batch, order, 1e-8));
   }
 }
 
@@ -254,7 +176,7 @@ TEST(VelocityLanes, AFactorIsSolvedWithAsItIsGiven) {
     env.M.back() *= 3e-3;
     batch.add(cast<float>(env));
   }
-  const auto answers = solve_in_packs<float>(batch, upwards(batch.env_count()), 1e-4);
+  const auto answers = solve_one_by_one(batch, upwards(batch.env_count()), 1e-4);
   EXPECT_EQ(std::count(answers.answered.begin(), answers.answered.end(), 1), 8);
 }
 
@@ -286,9 +208,12 @@ TEST(VelocityLanes, EnvironmentsOfOneSizeHaveThemToo) {
       for (std::uint64_t seed = 0; seed < 8; ++seed)
         batch.add(cast<float>(in_form(reversed(random_chain({1, dofs, cones_of_every_kind()})), form)));
       const auto order = upwards(batch.env_count());
-      const auto expected = solve_in_packs<float>(batch, order, 1e-4);
+      const auto expected = solve_one_by_one(batch, order, 1e-4);
       EXPECT_EQ(std::count(expected.answered.begin(), expected.answered.end(), 1), 8);
-      expect_the_same(expected, solve_in_packs<Pack<float, 8>>(batch, order, 1e-4));
+      for (const cpu::Isa* isa : builds_with_packs()) {
+        SCOPED_TRACE(isa->name);
+        expect_the_same(expected, solve_in_packs<float>(*isa, batch, order, 1e-4));
+      }
     }
 }
 
@@ -315,51 +240,55 @@ TEST(VelocityLanes, AFactorHasTheTreeOfItsMatrix) {
   }
 }
 
-TEST(VelocityLanes, ABrokenEnvironmentIsLeftAndChangesNoOther) {
-  const auto clean = unlike_chains<double>(Law::convex);
-  const auto order = shuffled(clean.env_count());
-  const auto expected = solve_in_packs<Pack<double, 8>>(clean, order, 1e-8);
+/// A chain of a batch in which one may be broken, in one of ten ways; the last two are those of a factor.
+constexpr int kFaults = 10;
+MassForm form_of(int fault) {
+  return fault < 8 ? MassForm::matrix : MassForm::factor;
+}
+JacobianEnvironment<double> chain_with(int fault, std::uint64_t seed, bool is_broken) {
+  JacobianEnvironment<double> env = in_form(random_chain({seed + 1, 9}), form_of(fault));
+  if (!is_broken) return env;
   const double infinite = std::numeric_limits<double>::infinity();
-  for (int fault = 0; fault < 10; ++fault) {
-    SCOPED_TRACE(fault);
-    // The last faults are those of a factor.
-    const MassForm form = fault < 8 ? MassForm::matrix : MassForm::factor;
-    JacobianBatch<double> batch(Law::convex, form);
-    for (std::uint64_t seed = 0; seed < 24; ++seed) {
-      JacobianEnvironment<double> env = in_form(random_chain({seed + 1, 9}), form);
-      if (seed == 11) {
-        if (fault == 8) env.M[4 * 9 + 4] = -env.M[4 * 9 + 4];
-        if (fault == 9) env.M[4 * 9 + 1] = infinite;
-        if (fault == 0) env.J[env.J.size() - 2] = std::numeric_limits<double>::quiet_NaN();
-        if (fault == 1) env.M[0] = infinite;
-        if (fault == 2) env.M[0] = -1.0;
-        if (fault == 3) env.v_free[3] = infinite;
-        if (fault == 4) env.R[2] = -1e-3;
-        if (fault == 5) env.mu[1] = -0.5;
-        if (fault == 6) env.target[0] = infinite;
-        if (fault == 7) env.J.assign(env.J.size(), 1e200);
+  if (fault == 0) env.J[env.J.size() - 2] = std::numeric_limits<double>::quiet_NaN();
+  if (fault == 1) env.M[0] = infinite;
+  if (fault == 2) env.M[0] = -1.0;
+  if (fault == 3) env.v_free[3] = infinite;
+  if (fault == 4) env.R[2] = -1e-3;
+  if (fault == 5) env.mu[1] = -0.5;
+  if (fault == 6) env.target[0] = infinite;
+  if (fault == 7) env.J.assign(env.J.size(), 1e200);
+  if (fault == 8) env.M[4 * 9 + 4] = -env.M[4 * 9 + 4];
+  if (fault == 9) env.M[4 * 9 + 1] = infinite;
+  return env;
+}
+
+TEST(VelocityLanes, ABrokenEnvironmentIsLeftAndChangesNoOther) {
+  const auto order = shuffled(24);
+  for (const cpu::Isa* isa : builds_with_packs())
+    for (int fault = 0; fault < kFaults; ++fault) {
+      SCOPED_TRACE(::testing::Message() << isa->name << ", fault " << fault);
+      JacobianBatch<double> batch(Law::convex, form_of(fault)), sound(Law::convex, form_of(fault));
+      for (std::uint64_t seed = 0; seed < 24; ++seed) {
+        batch.add(chain_with(fault, seed, seed == 11));
+        sound.add(chain_with(fault, seed, false));
       }
-      batch.add(env);
+      auto with_fault = solve_in_packs<double>(*isa, batch, order, 1e-8);
+      const auto without = solve_in_packs<double>(*isa, sound, order, 1e-8);
+      EXPECT_GE(std::count(without.answered.begin(), without.answered.end(), 1), 20);
+      EXPECT_EQ(with_fault.answered[11], 0);
+      // Of what is not solved nothing is written.
+      const auto view = batch.view();
+      for (Offset row = view.env_row_offsets[11]; row < view.env_row_offsets[12]; ++row) {
+        EXPECT_EQ(with_fault.lambda[static_cast<std::size_t>(row)], -7.0);
+        with_fault.lambda[static_cast<std::size_t>(row)] = without.lambda[static_cast<std::size_t>(row)];
+        with_fault.w[static_cast<std::size_t>(row)] = without.w[static_cast<std::size_t>(row)];
+      }
+      for (Offset k = view.env_dof_offsets[11]; k < view.env_dof_offsets[12]; ++k)
+        with_fault.velocity[static_cast<std::size_t>(k)] = without.velocity[static_cast<std::size_t>(k)];
+      with_fault.answered[11] = without.answered[11];
+      with_fault.status[11] = without.status[11];
+      expect_the_same(without, with_fault);
     }
-    JacobianBatch<double> sound(Law::convex, form);
-    for (std::uint64_t seed = 0; seed < 24; ++seed) sound.add(in_form(random_chain({seed + 1, 9}), form));
-    auto with_fault = solve_in_packs<Pack<double, 8>>(batch, order, 1e-8);
-    auto without = solve_in_packs<Pack<double, 8>>(sound, order, 1e-8);
-    EXPECT_EQ(with_fault.answered[11], 0);
-    // Of what is not solved nothing is written.
-    const auto view = batch.view();
-    for (Offset row = view.env_row_offsets[11]; row < view.env_row_offsets[12]; ++row) {
-      EXPECT_EQ(with_fault.lambda[static_cast<std::size_t>(row)], -7.0);
-      with_fault.lambda[static_cast<std::size_t>(row)] = without.lambda[static_cast<std::size_t>(row)];
-      with_fault.w[static_cast<std::size_t>(row)] = without.w[static_cast<std::size_t>(row)];
-    }
-    for (Offset k = view.env_dof_offsets[11]; k < view.env_dof_offsets[12]; ++k)
-      with_fault.velocity[static_cast<std::size_t>(k)] = without.velocity[static_cast<std::size_t>(k)];
-    with_fault.answered[11] = without.answered[11];
-    with_fault.status[11] = without.status[11];
-    expect_the_same(without, with_fault);
-  }
-  EXPECT_GE(std::count(expected.answered.begin(), expected.answered.end(), 1), 20);
 }
 
 }  // namespace

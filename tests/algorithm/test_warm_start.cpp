@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "core/algorithm/warm_start/warm_start.hpp"
-#include "tests/support/jitter_team.hpp"
 #include "tests/support/stress_team.hpp"
 
 namespace stiction::test {
@@ -17,7 +16,7 @@ constexpr Index kWidths[] = {1, 2, 3, 8, 33};
 /// Runs f(team) on lanes that disagree about speed.
 template <class F>
 void run_dawdling(Index width, std::uint64_t seed, F&& f) {
-  run_stressed(width, [seed](TortureTeam& team, Index rank) { return JitterTeam(StressTeam<1>(team, rank), seed); }, f);
+  run_stressed(width, f, seed);
 }
 
 TEST(Sort, IsWhatTheStandardLibraryMakesOfEveryLengthAndOrder) {

@@ -86,7 +86,7 @@ class Direct {
   };
 
   void solve_alone(Offset env) {
-    const cpu::SingleKernels<Real>& single = set_.single.template of<Real>(law_);
+    const cpu::SingleKernels<Real>& single = cpu::of_precision<Real>(set_.single);
     Scratch memory(single.elements(job_, env));
     single.solve(job_, env, memory.data);
   }
@@ -167,6 +167,24 @@ TEST(IsaChoice, TheWidestBuildIsTakenIfItIsNamedOrNothingIs) {
   for (const char* name : {"widest", ""}) {
     const ScopedIsa isa(name);
     EXPECT_EQ(cpu::best_isa().name, std::string(usable_shipped_isas().back())) << "'" << name << "'";
+  }
+}
+
+TEST(IsaChoice, AProcessorThatRunsNoneIsToldHowToBuild) {
+  cpu::Isa other{}, own{};
+  other.name = "other";
+  other.supported = [] { return false; };
+  own.name = "own";
+  own.supported = [] { return true; };
+  EXPECT_STREQ(cpu::widest_isa(std::vector{other, own}).name, "own");
+  try {
+    cpu::widest_isa(std::vector{other});
+    ADD_FAILURE() << "took one that this processor does not run";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.code(), ErrorCode::unsupported);
+    EXPECT_STREQ(
+        error.what(),
+        "this processor runs none of the kernels of this build (other): build with -DSTICTION_CPU_KERNELS=all");
   }
 }
 

@@ -5,35 +5,34 @@
 namespace stiction::inline STICTION_ISA {
 
 cpu::KernelSet solver_kernels(SolverKind solver);
-cpu::PullKernelSet pull_kernels();
+cpu::VjpPackKernelSet vjp_pack_kernels();
 cpu::BodyKernelSet si_kernels();
 cpu::JacobianKernelSet jacobian_kernels();
 cpu::VelocityKernelSet velocity_kernels();
 
 namespace {
 
-/// What every other kernel is taken from. Vectors of 64 bytes are split into those of AVX2.
-constexpr const char* kSingle = STICTION_VECTOR_BYTES > 16 ? "avx2" : "baseline";
-
-const cpu::Isa& single_environments() {
-  return *cpu::find_isa(kSingle);
+/// Kernels of all but packs. Vectors of 64 bytes are split into those of AVX2, which a build for one machine has alone.
+const cpu::Isa* single_environments() {
+  const cpu::Isa* const baseline = STICTION_VECTOR_BYTES > 16 ? nullptr : cpu::find_isa("baseline");
+  return baseline != nullptr ? baseline : cpu::find_isa("avx2");
 }
 
 cpu::KernelSet kernels(SolverKind solver) {
-  return cpu::with_packs_of(solver_kernels(solver), single_environments().kernels(solver));
+  return cpu::with_packs_of(solver_kernels(solver), single_environments()->kernels(solver));
 }
 
 cpu::BodyKernelSet body_kernels() {
-  cpu::BodyKernelSet set = single_environments().body_kernels();
+  cpu::BodyKernelSet set = single_environments()->body_kernels();
   set.packs = si_kernels().packs;
   return set;
 }
 
 [[maybe_unused]] const bool kAdded =
-    cpu::add_isa({STICTION_ISA_NAME, [] { return cpu::find_isa(kSingle) != nullptr; }, kernels, body_kernels,
-                  [] { return single_environments().newton_body_kernels(); }, jacobian_kernels,
-                  [] { return single_environments().world_kernels(); }, velocity_kernels,
-                  [] { return single_environments().derivative().with(pull_kernels()); }});
+    cpu::add_isa({STICTION_ISA_NAME, [] { return single_environments() != nullptr; }, kernels, body_kernels,
+                  [] { return single_environments()->newton_body_kernels(); }, jacobian_kernels,
+                  [] { return single_environments()->world_kernels(); }, velocity_kernels,
+                  [] { return single_environments()->derivative().with(vjp_pack_kernels()); }});
 
 }  // namespace
 

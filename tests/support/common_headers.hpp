@@ -18,3 +18,20 @@
 #include <string>
 #include <thread>
 #include <vector>
+
+#include "stiction/error.hpp"
+#include "stiction/solver.hpp"
+
+// Of these common_instances.cpp holds the code: a test compiles none of it.
+extern template class std::vector<char>;
+extern template class std::vector<unsigned char>;
+extern template class std::vector<int>;
+extern template class std::vector<long>;
+extern template class std::vector<unsigned long>;
+extern template class std::vector<float>;
+extern template class std::vector<double>;
+extern template class std::vector<std::string>;
+extern template class std::vector<stiction::EnvStatus>;
+extern template class std::vector<stiction::ConeKind>;
+extern template class std::vector<stiction::Environment<double>>;
+extern template class std::vector<stiction::Environment<double>::Cone>;

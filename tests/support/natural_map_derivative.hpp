@@ -39,8 +39,7 @@ class NaturalMapDerivative {
     }
   }
 
-  [[nodiscard]] EnvironmentGradient pull_back(const std::vector<double>& lambda_bar,
-                                              const std::vector<double>& w_bar) const {
+  [[nodiscard]] EnvironmentGradient vjp(const std::vector<double>& lambda_bar, const std::vector<double>& w_bar) const {
     std::vector<double> effective = lambda_bar;
     for (std::size_t i = 0; i < n_; ++i)
       for (std::size_t j = 0; j < n_; ++j) effective[j] += B_[i * n_ + j] * w_bar[i];

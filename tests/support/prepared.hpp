@@ -3,10 +3,11 @@
 #include <memory>
 #include <vector>
 
-#include "core/algorithm/driver/solve_environment.hpp"
 #include "core/plan/plan.hpp"
+#include "tests/support/library_instances.hpp"
 #include "tests/support/plan_views.hpp"
 #include "tests/support/small_systems.hpp"
+#include "tests/support/system_of.hpp"
 
 namespace stiction::test {
 
@@ -25,14 +26,14 @@ class Prepared {
         w_(lambda_.size()) {
     env = slice(batch_.view(), view_of(plan_), kLaw, warm_.empty() ? nullptr : warm_.data(), lambda_.data(), w_.data(),
                 &status, Offset{0});
-    memory_.resize(static_cast<std::size_t>(size()));
+    memory_.resize(static_cast<std::size_t>(elements_of<System>(env, Method::workspace())));
     flags = prepare<Method, kLaw>(team, env, system());
   }
   Prepared(const Prepared&) = delete;
   Prepared& operator=(const Prepared&) = delete;
 
   System& system() {
-    if (!system_) system_ = std::make_unique<System>(make());
+    if (!system_) system_ = std::make_unique<System>(system_of<System>(env, Method::workspace(), memory_.data()));
     return *system_;
   }
 
@@ -42,31 +43,11 @@ class Prepared {
   std::uint32_t flags = 0;
 
  private:
-  static constexpr bool kDense = System::kMaintainsMotion;
-
-  [[nodiscard]] Offset size() const {
-    if constexpr (kDense) {
-      return System::elements(env.counts, Method::workspace());
-    } else {
-      return System::elements(env.n, env.cone_count, batch_.view().nonzero_count, Method::workspace());
-    }
-  }
-  System make() {
-    if constexpr (kDense) {
-      return System(env.counts, Method::workspace(), memory_.data());
-    } else {
-      return System(env, Method::workspace(), memory_.data());
-    }
-  }
-
   ContactBatch<Real> batch_;
   PlanData plan_;
   std::vector<Real> warm_, lambda_, w_, memory_;
   std::unique_ptr<System> system_;
 };
-
-template <class Real>
-using Dense = DenseSystem<Real>;
 
 /// The final residual of the reactions in p.env.lambda.
 template <class P>

@@ -44,6 +44,11 @@ inline std::vector<const char*> usable_shipped_isas() {
   return usable;
 }
 
+/// The first of them: the baseline, unless the build is for this machine alone.
+inline const char* narrowest_isa() {
+  return usable_shipped_isas().front();
+}
+
 /// And the widths of packs that tests add.
 inline std::vector<const char*> usable_isas() {
   std::vector<const char*> usable = usable_shipped_isas();

@@ -1,91 +1,59 @@
 #pragma once
 
-#include <utility>
+#include <optional>
 #include <vector>
 
-#include "core/algorithm/driver/solve_environment.hpp"
-#include "core/plan/plan.hpp"
+#include "core/job/workspace.hpp"
+#include "cpu_fallback/tables/isa.hpp"
 #include "stiction/solver.hpp"
-#include "tests/support/jitter_team.hpp"
 #include "tests/support/plan_views.hpp"
-#include "tests/support/stress_team.hpp"
+#include "tests/support/small_systems.hpp"
 
-/// One environment of a host batch solved by an algorithm, on the path that the plan chooses, without the machine
-/// around it.
+/// One environment of a host batch solved by the library's kernels, without the machine around them.
 namespace stiction::test {
 
-/// run(make_block) decides on which blocks; what an algorithm reads before it writes would show.
-template <class Method, Law kLaw, class Real, class Run>
-void solve_one(const ContactBatch<Real>& batch, const SolverOptions& options, Offset environment,
-               Solution<Real>& solution, Run&& run) {
-  const auto view = batch.view();
-  const PlanData plan = make_plan(view);
-  const EnvView<Real> env = slice<Real>(view, view_of(plan), kLaw, nullptr, solution.lambda.data(), solution.w.data(),
-                                        solution.status.data(), environment);
-  const StopRule rule{options.tolerance, options.max_iterations, options.stall_window};
-  std::vector<Real> memory;
-  const auto workspace = [&](Offset elements) {
-    memory.assign(static_cast<std::size_t>(elements), static_cast<Real>(__builtin_nan("")));
-    return memory.data();
-  };
-  const auto solve_with = [&](const auto& loaded) {
-    run([&](auto& team) {
-      auto system = loaded;
-      solve_environment<Method, kLaw>(team, env, system, MethodParams<Real>{static_cast<Real>(options.omega)}, rule);
-    });
-  };
-  constexpr Workspace kWorkspace = Method::workspace();
-  switch (plan.path[static_cast<std::size_t>(environment)]) {
-    case EnvPath::dense:
-      solve_with(
-          DenseSystem<Real>(env.counts, kWorkspace, workspace(DenseSystem<Real>::elements(env.counts, kWorkspace))));
-      break;
-    case EnvPath::sparse:
-      solve_with(SparseSystem<Real>(
-          env, kWorkspace,
-          workspace(SparseSystem<Real>::elements(env.n, env.cone_count, env.entry_span(), kWorkspace))));
-      break;
-    case EnvPath::factor:
-      solve_with(FactorSystem<Real>(
-          env, kWorkspace, workspace(FactorSystem<Real>::elements(env.n, env.cone_count, env.dofs, kWorkspace))));
-      break;
-    case EnvPath::empty:
-      run([&](auto& team) { write_empty(team, env, Method::kKind); });
-  }
-}
+/// How the kernels are to take an environment, where the solver says it otherwise.
+struct AloneRules {
+  std::optional<EnvPath> path = {};  ///< none: the plan's
+  Index direct_rows = kDirectRows;   ///< rows of the largest environment that gets a method's matrices
+};
+/// Without room for a matrix of the method's own.
+inline constexpr AloneRules kWithoutMatrices{{}, 0};
+inline constexpr AloneRules kSparse{EnvPath::sparse};
+inline constexpr AloneRules kSparseWithoutMatrices{EnvPath::sparse, 0};
 
-/// On one lane; the answer is that environment's alone.
-template <class Method, Law kLaw, class Real>
-Solution<Real> solve_alone(const ContactBatch<Real>& batch, const SolverOptions& options, Offset environment = 0) {
-  const auto rows = static_cast<std::size_t>(batch.row_count());
+/// That environment's answer, on one lane. What a kernel reads before it writes would show: its memory is NaN.
+template <class Real>
+Solution<Real> solve_alone(const ContactBatch<Real>& batch, const SolverOptions& options, Offset environment = 0,
+                           const AloneRules& rules = {}) {
+  const auto view = batch.view();
+  PlanData plan = make_plan(view);
+  const auto e = static_cast<std::size_t>(environment);
+  if (rules.path) plan.path[e] = *rules.path;
+  const auto rows = static_cast<std::size_t>(view.row_count);
   Solution<Real> all{std::vector<Real>(rows), std::vector<Real>(rows),
-                     std::vector<EnvStatus>(static_cast<std::size_t>(batch.env_count()))};
-  solve_one<Method, kLaw>(batch, options, environment, all, [](const auto& program) {
-    SerialTeam team;
-    program(team);
-  });
-  const std::vector<Offset>& offsets = batch.arrays().env_row_offsets;
-  const Offset first = offsets[static_cast<std::size_t>(environment)];
-  const Offset last = offsets[static_cast<std::size_t>(environment) + 1];
+                     std::vector<EnvStatus>(static_cast<std::size_t>(view.env_count))};
+  cpu::Job<Real> job{{view, view_of(plan), nullptr, all.lambda.data(), all.w.data(), all.status.data(),
+                      options.tolerance, options.max_iterations, options.stall_window, static_cast<Real>(options.omega),
+                      view.law}};
+  job.direct_rows = rules.direct_rows;
+  const cpu::KernelSet set = cpu::best_isa().kernels(options.solver);
+  const cpu::SingleKernels<Real>& kernels = set.single.of<Real>(view.law);
+  std::vector<Real> memory(static_cast<std::size_t>(kernels.elements(job, environment)),
+                           static_cast<Real>(__builtin_nan("")));
+  kernels.solve(job, environment, memory.data());
+  const auto first = static_cast<std::ptrdiff_t>(view.env_row_offsets[environment]);
+  const auto last = static_cast<std::ptrdiff_t>(view.env_row_offsets[environment + 1]);
   return {std::vector<Real>(all.lambda.begin() + first, all.lambda.begin() + last),
           std::vector<Real>(all.w.begin() + first, all.w.begin() + last),
-          {all.status[static_cast<std::size_t>(environment)]}};
+          {all.status[e]}};
 }
 
-/// Environment 0 on a team of `width` threads that meet at barriers only; with `jitter` their speeds differ at random.
-template <class Method, Law kLaw, class Real>
-void solve_on_lanes(const ContactBatch<Real>& batch, const SolverOptions& options, Solution<Real>& solution,
-                    Index width, bool jitter) {
-  solve_one<Method, kLaw>(batch, options, 0, solution, [&](const auto& program) {
-    if (jitter) {
-      const auto make = [](TortureTeam& team, Index rank) {
-        return JitterTeam<StressTeam<1>>(StressTeam<1>(team, rank), 42);
-      };
-      run_stressed(width, make, program);
-    } else {
-      run_stressed<1>(width, program);
-    }
-  });
+/// The answer of an environment by itself in that precision.
+template <class Real = double>
+Solution<Real> solved_alone(const Environment<double>& environment, const SolverOptions& options, Law law = Law::convex,
+                            const AloneRules& rules = {}) {
+  return solve_alone(convert<Real>(batch_of({environment}, law)), options, 0, rules);
 }
 
 }  // namespace stiction::test

@@ -1,6 +1,8 @@
 #pragma once
 
+#include <cstdint>
 #include <thread>
+#include <type_traits>
 #include <vector>
 
 #include "cuda/emulated/emulated_team.hpp"
@@ -10,33 +12,28 @@
 /// missing sync races here too.
 namespace stiction::test {
 
-using TortureTeam = cuda::EmulatedTeamMemory;
-
-/// With any number of rows in a lane's tile, which must not show.
 template <Index kTile>
-class StressTeam : public cuda::EmulatedTeam {
+class TiledTeam : public cuda::EmulatedTeam {
  public:
   static constexpr Index kRowTile = kTile;
   using cuda::EmulatedTeam::EmulatedTeam;
 };
 
-/// Runs f(team) on each of `width` threads, on the team that make(shared, rank) gives it.
-template <class Make, class F>
-void run_stressed(Index width, Make&& make, F&& f) {
-  TortureTeam shared(width);
+/// With any number of rows in a lane's tile, which must not show.
+template <Index kTile>
+using StressTeam = std::conditional_t<kTile == cuda::EmulatedTeam::kRowTile, cuda::EmulatedTeam, TiledTeam<kTile>>;
+
+/// Runs f(team) on each of `width` threads. With a seed the threads disagree about speed.
+template <Index kTile = cuda::EmulatedTeam::kRowTile, class F>
+void run_stressed(Index width, F&& f, std::uint64_t seed = 0) {
+  cuda::EmulatedTeamMemory shared(width);
   std::vector<std::thread> threads;
   for (Index rank = 0; rank < width; ++rank)
     threads.emplace_back([&, rank] {
-      auto team = make(shared, rank);
+      StressTeam<kTile> team(shared, rank, seed);
       f(team);
     });
   for (std::thread& thread : threads) thread.join();
-}
-
-/// Runs f(team) on a StressTeam of `width` threads.
-template <Index kTile, class F>
-void run_stressed(Index width, F&& f) {
-  run_stressed(width, [](TortureTeam& shared, Index rank) { return StressTeam<kTile>(shared, rank); }, f);
 }
 
 }  // namespace stiction::test

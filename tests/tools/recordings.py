@@ -107,10 +107,3 @@ def environment(file, index):
     out["kind"] = file["cone_kind"][cones]
     out["size"] = np.diff(file["cone_row_ptr"][cones.start:cones.stop + 1])
     return out
-
-
-def system_of(e):
-    """The environment as the recorder's own record, to judge lambda_ref."""
-    return contact_batch.System(cone_kind=e["kind"], cone_rows=e["size"], row_param=e["row_param"], A=e["A"], b=e["b"],
-                           R=e["R"], J=e["J"], M=e["M"], v_free=e["v_free"], row_target=e["row_target"],
-                           lambda_ref=e["lambda_ref"], v_ref=e["v_ref"])

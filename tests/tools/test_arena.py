@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""bench/arena. Its judge is compared with hand answers, `stiction verify` and the shared judge. Wrong answers, NaN and false
+"""bench/arena. Its judge is compared with hand answers and the shared judge. Wrong answers, NaN and false
 claims are caught. Bits that depend on order, threads or the processor are seen. A quick run makes a JSON and a page.
 
 usage: test_arena.py STICTION [unittest arguments]
@@ -18,7 +18,7 @@ import unittest
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT / "bench" / folder) for folder in ("arena", "peers", "studies")]
+sys.path.insert(0, str(ROOT / "bench" / "arena"))
 
 try:
     import numpy as np
@@ -157,21 +157,6 @@ class Arena(unittest.TestCase):
             self.assertEqual(judge.residuals(file, [0.0, 0.0, 0.0])[0], np.inf)
         with self.assertRaises(ValueError), one_cone(judge.UNILATERAL, [1.0], [0]) as file:
             judge.residuals(file, [0.0, 0.0])
-
-    def test_the_judge_agrees_with_verify(self):
-        rng = np.random.default_rng(3)
-        for problems in self.scenes:
-            reaction = rng.standard_normal(problems.rows)
-            with h5py.File(self.folder / "any.h5", "w") as file:
-                file["lambda"] = reaction
-            for law in ("convex", "coulomb"):
-                with h5py.File(problems.path) as batch:
-                    found = np.sort(judge.residuals(batch, reaction, law))
-                done = subprocess.run([STICTION, "verify", problems.path, self.folder / "any.h5", "--law", law, "--json"],
-                                      capture_output=True, text=True)
-                said = json.loads(done.stdout)["residual"]
-                # Sums of some hundred terms in another order: far less than 1e-12 of the largest.
-                np.testing.assert_allclose([found[0], found[-1]], [said["min"], said["max"]], rtol=1e-12, err_msg=problems.key)
 
     def test_the_judge_agrees_with_the_shared_judge(self):
         residuals = shared_judge()

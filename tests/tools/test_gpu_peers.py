@@ -12,7 +12,7 @@ import unittest
 from pathlib import Path
 
 BENCH = Path(__file__).resolve().parents[2] / "bench"
-sys.path[:0] = [str(BENCH / "peers"), str(BENCH / "studies")]
+sys.path[:0] = [str(BENCH / folder) for folder in ("peers", "arena", "studies")]
 
 try:
     import numpy as np
@@ -24,20 +24,20 @@ try:
     from table import read
     from environments import BOX, FREE, FRICTION, UNILATERAL, Environment
 except ImportError as missing:
-    print(f"SKIPPED: the batched peers are not tested, {missing}")
+    print(f"SKIPPED: the batched peers are NOT tested, {missing}: scripts/test.sh --frameworks")
     sys.exit(77)
 
 try:
     import mjx_peer
 except ImportError as missing:
-    mjx_peer, NO_MJX = None, f"MJX is not there: {missing}"
+    mjx_peer, NO_MJX = None, f"MJX is NOT compared, {missing}: scripts/test.sh --frameworks"
 else:
     NO_MJX = ""
 
 try:
     import warp_peer
 except ImportError as missing:
-    warp_peer, NO_WARP = None, f"MuJoCo Warp is not there: {missing}"
+    warp_peer, NO_WARP = None, f"MuJoCo Warp is NOT compared, {missing}: scripts/test.sh --frameworks"
 else:
     NO_WARP = ""
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""bench/peers: batches made and read, the symmetric part, and peers that answer a contact with a known answer.
+"""bench/arena: batches made and read, and peers that answer contacts with known answers.
 
 Run as a program it exits with 77 (skipped) when numpy or h5py is missing, and says which. A peer that is not installed skips its
 own test.
@@ -10,15 +10,14 @@ import unittest
 from pathlib import Path
 
 BENCH = Path(__file__).resolve().parents[2] / "bench"
-sys.path[:0] = [str(BENCH / "peers"), str(BENCH / "studies")]
+sys.path.insert(0, str(BENCH / "arena"))
 
 try:
     import numpy as np
 
-    import against
+    import boxed
+    import engine_programs
     import siconos
-    import slopes
-    import summary
     import systems
     from environments import BOX, FRICTION, UNILATERAL, Environment, read_environments, write_batch
 except ImportError as missing:
@@ -26,16 +25,14 @@ except ImportError as missing:
     sys.exit(77)
 
 try:
-    import mujoco_peer
+    import conic
 except ImportError:
-    mujoco_peer = None
+    conic = None
 
-
-def dense(environment):
-    offsets, columns, values = environment.with_compliance()
-    matrix = np.zeros((environment.rows,) * 2)
-    np.add.at(matrix, (np.repeat(np.arange(environment.rows), np.diff(offsets)), columns), values)
-    return matrix
+try:
+    import mujoco_rows
+except ImportError:
+    mujoco_rows = None
 
 
 def environment(matrix, b, kinds, cone_offsets, row_param, name=""):
@@ -59,18 +56,11 @@ class Peers(unittest.TestCase):
             for field, value in vars(other).items():
                 np.testing.assert_array_equal(getattr(one, field), value, field)
 
-    def test_the_symmetric_part(self):
-        np.testing.assert_array_equal(dense(LCP.symmetric()), [[-1, 1], [1, 1.125]])
-
     def test_what_siconos_can_treat(self):
         self.assertEqual(siconos.contact_size([STICKING], "coulomb"), 3)
         self.assertEqual(siconos.contact_size([STICKING], "convex"), 0)
         self.assertEqual(siconos.contact_size([LCP], "coulomb"), 1)
         self.assertEqual(siconos.contact_size([LCP, STICKING], "coulomb"), 0)
-
-    def test_a_negative_reaction_on_a_negative_diagonal_is_seen(self):
-        self.assertEqual(against.hidden_residual(LCP, np.array([-1.0, 0.0])), 2 / 3)  # w = 0 there: |min(2 (-1), 0)| / 3
-        self.assertEqual(against.hidden_residual(STICKING, np.array([-1.0, 0.0, 0.0])), 0)
 
     def test_siconos_finds_the_known_answers(self):
         with tempfile.TemporaryDirectory() as folder:
@@ -82,14 +72,37 @@ class Peers(unittest.TestCase):
                 np.testing.assert_allclose(reaction, ANSWER, atol=1e-6, err_msg=solver)
                 self.assertEqual(how, 0)
 
+    def find_boxed_answers(self, name):
+        """A unit mass on the ground, pressed on with 2 and pushed along both tangents: each is held at -1 or 1, or sticks."""
+        cases = [((3, 0), (2, -1, 0)), ((-3, 0.5), (2, 1, -0.5)), ((3, -4), (2, -1, 1))]
+        with tempfile.TemporaryDirectory() as folder:
+            program = engine_programs.build(name, folder)
+            if program is None:
+                self.skipTest(f"{name} is not installed")
+            blocks = [Environment(np.arange(4) * 3, np.tile(np.arange(3), 3), np.eye(3).ravel(), np.array([-2.0, *push]), np.zeros(3),
+                                  np.array([FRICTION]), np.array([0, 3]), np.array([0, 0.5, 0.5])) for push, _ in cases]
+            path = engine_programs.write(Path(folder, "in.bin"),
+                                         [engine_programs.boxed_records(boxed.of_environment(one)) for one in blocks])
+            for solver in ("dantzig", "pgs"):
+                answers = engine_programs.solve(program, solver, 100, 0.0, path, [3] * 3, folder)
+                for (found, _, _, how), (_, expected) in zip(answers, cases, strict=True):
+                    np.testing.assert_allclose(found, expected, atol=1e-9, err_msg=f"{name} {solver}")
+                    self.assertEqual(how, engine_programs.SOLVED)
+
+    def test_bullet_finds_the_known_answers(self):
+        self.find_boxed_answers("Bullet f64")
+
+    def test_dart_finds_the_known_answers(self):
+        self.find_boxed_answers("DART")
+
     def test_clarabel_finds_the_known_answer(self):
-        if against.conic is None:
+        if conic is None:
             self.skipTest("Clarabel is not installed")
-        reaction, _, claimed = against.conic.solve(STICKING, 1e-10, 5.0)
+        reaction, _, claimed = conic.solve(STICKING, 1e-10, 5.0)
         np.testing.assert_allclose(reaction, ANSWER, atol=1e-6)
         self.assertTrue(claimed)
 
-    @unittest.skipIf(mujoco_peer is None, "MuJoCo is not installed")
+    @unittest.skipIf(mujoco_rows is None, "MuJoCo is not installed")
     def test_mujoco_finds_the_known_answers(self):
         # Two degrees of freedom hang on the first, which STICKING's A does not see; a box row and a limit come before it.
         M = np.diag([1, 2, 2, 2, 1, 1.0])
@@ -106,11 +119,11 @@ class Peers(unittest.TestCase):
         v_free = np.array([0.1, -0.2, 0.3, 0, 0, 0.4])
         system = systems.System(problem, J, M, v_free, J @ v_free - b)
         with tempfile.TemporaryDirectory() as folder:
-            functions = mujoco_peer.build(folder)
+            functions = mujoco_rows.build(folder)
             if functions is None:
                 self.skipTest("no C compiler, or no headers of MuJoCo")
-            peer = mujoco_peer.Peer(functions, [system] * 2)
-            for solver in mujoco_peer.SOLVERS:
+            peer = mujoco_rows.Peer(functions, [system] * 2)
+            for solver in mujoco_rows.SOLVERS:
                 peer.choose(solver, 1e-14, False)
                 peer.start(np.zeros((2, 6)))
                 peer.factor()
@@ -121,46 +134,20 @@ class Peers(unittest.TestCase):
                 self.assertTrue((iterations > 0).all())
             peer.close()
 
-    @unittest.skipIf(mujoco_peer is None, "MuJoCo is not installed")
+    @unittest.skipIf(mujoco_rows is None, "MuJoCo is not installed")
     def test_the_tree_of_a_mass_matrix(self):
         branches = np.eye(5)
         for dof, ancestor in ((1, 0), (2, 1), (3, 0), (2, 0)):  # 0 - 1 - 2, 0 - 3, and 4 alone
             branches[dof, ancestor] = branches[ancestor, dof] = 0.1
-        self.assertEqual(mujoco_peer.parents([branches]).tolist(), [-1, 0, 1, 0, -1])
+        self.assertEqual(mujoco_rows.parents([branches]).tolist(), [-1, 0, 1, 0, -1])
         branches[2, 0] = branches[0, 2] = 0  # a zero by chance: 1 still hangs on 0
         branches[3, 2] = branches[2, 3] = 0.1  # 3 hangs on 2, which has 1 and 0 above
-        self.assertEqual(mujoco_peer.parents([branches, np.eye(5)]).tolist(), [-1, 0, 1, 2, -1])
+        self.assertEqual(mujoco_rows.parents([branches, np.eye(5)]).tolist(), [-1, 0, 1, 2, -1])
 
     def test_the_blocks_of_a_mass_matrix(self):
         whole, halves = np.ones((6, 6)), np.kron(np.eye(2), np.ones((3, 3)))
         for size, M in ((1, np.eye(6)), (3, halves), (0, whole)):
             self.assertEqual(systems.mass_block([systems.System(LCP, None, M, None, None)]), size)
-
-    def test_the_exponent_of_a_power(self):
-        sizes = np.array([16.0, 32, 64, 128])
-        slope, error = slopes.exponent(sizes, 3e-6 * sizes**1.7)
-        self.assertAlmostEqual(slope, 1.7, 12)
-        self.assertAlmostEqual(error, 0, 6)
-        self.assertGreater(slopes.exponent(sizes, 3e-6 * sizes**1.7 * [1, 1.2, 0.9, 1])[1], 0.01)
-        self.assertTrue(np.isnan(slopes.exponent(sizes[:2], sizes[:2])[0]))
-
-    def test_what_the_summary_says_of_solvers_of_others(self):
-        rows = ["file,law,solver,goal,solved,ms_total"]
-        for file, ours, theirs in (("a", (4, 2), (4, 6)), ("b", (4, 2), (4, 1)), ("c", (4, 9), (3, 1)), ("d", (0, 9), (0, 1))):
-            rows += [f"{file},coulomb,stiction auto,1e-4,{ours[0]},{ours[1]}", f"{file},coulomb,stiction npgs,1e-4,0,0.1",
-                     f"{file},coulomb,Siconos nsgs,1e-4,{theirs[0]},{theirs[1]}"]
-        with tempfile.TemporaryDirectory() as folder:
-            Path(folder, "against.csv").write_text("\n".join(rows))
-            (what, question, _, found), = summary.against_lines(Path(folder))
-        self.assertEqual(what, "C5")
-        self.assertIn("stiction solves more in 1, others in 0", question)
-        self.assertEqual(found, "1.75 (0.50 to 3.00; 2)")
-
-    def test_what_a_second_thread_is_worth(self):
-        rows = [dict(series="environments", form="matrix", precision="f32", threads=threads, environments=envs, ratio_q1=0.9 * ratio,
-                     ratio=ratio, ratio_q3=1.1 * ratio)
-                for threads, envs, ratio in ((2, 64, 1.5), (2, 16, 1.9), (1, 256, 1))]
-        self.assertEqual(list(slopes.second_thread(rows)), [("matrix", "f32", 64, "1.50 (1.35 to 1.65)")])
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ import sys
 import unittest
 
 try:
-    from recordings import BALL, EVERYTHING, Recording, arrays, check_law, contact_batch, environment, recorder, system_of
+    from recordings import BALL, EVERYTHING, Recording, arrays, check_law, contact_batch, environment, recorder
 except unittest.SkipTest as missing:
     if __name__ == "__main__":
         print(missing)

@@ -15,6 +15,68 @@ enum class ConeMode : Index {
   at_hi = 4,     ///< a box row at its upper bound
 };
 
+/// A component of the point that the natural map projects, without de Saxce's term (docs/math/derivative.md, (1)).
+template <class Wide>
+STICTION_HD Wide natural_point(Wide a, Wide x, Wide y) {
+  return a * x - y;
+}
+
+/// The mode of a friction cone, of one environment or of environments side by side.
+template <class Wide>
+struct FrictionMode {
+  Wide to_open;   ///< twice a x_n of a sliding contact
+  Wide to_stick;  ///< twice its speed
+  Mask<Wide> is_open;
+  Mask<Wide> sticks;
+  Mask<Wide> slides;
+  Mask<Wide> is_tied;  ///< between two modes
+};
+/// By the normal component of z and the length of the others. `tie`: how far from another mode it is degenerate [w]. A
+/// tie goes to the mode with a smaller reaction, and between sticking and sliding to sticking.
+template <class Wide>
+STICTION_HD FrictionMode<Wide> friction_mode(Wide z_n, Wide length, Wide tie) {
+  const Wide minus_tie = Wide(0) - tie;
+  FrictionMode<Wide> mode;
+  mode.to_open = length + z_n;
+  mode.to_stick = length - z_n;
+  mode.is_open = mode.to_open <= tie;
+  mode.sticks = and_(not_(mode.is_open), mode.to_stick <= tie);
+  mode.slides = not_(or_(mode.is_open, mode.sticks));
+  mode.is_tied = or_(and_(mode.is_open, mode.to_open >= minus_tie), and_(mode.sticks, mode.to_stick >= minus_tie));
+  return mode;
+}
+/// norm(y_t) / x_n of a cone that slides.
+template <class Wide>
+STICTION_HD Wide sliding_curvature(const FrictionMode<Wide>& mode, Wide a) {
+  return div_(a * mode.to_stick, select(mode.slides, mode.to_open, Wide(1)));
+}
+/// A component of d, the direction of its motion, from that of z.
+template <class Wide>
+STICTION_HD Wide sliding_direction(const FrictionMode<Wide>& mode, Wide z, Wide length) {
+  return div_(Wide(0) - z, select(mode.slides, length, Wide(1)));
+}
+
+/// The mode of a row between bounds. A unilateral row's are 0 and infinity.
+template <class Wide>
+struct RowMode {
+  Mask<Wide> moves;
+  Mask<Wide> at_lo;
+  Mask<Wide> at_hi;
+  Mask<Wide> is_tied;
+};
+/// Ties as in friction_mode(): a unilateral row's is open, a box row's moves.
+template <class Wide>
+STICTION_HD RowMode<Wide> row_mode(Wide z, Wide a, Wide lo, Wide hi, Mask<Wide> is_unilateral, Wide tie) {
+  const Wide minus_tie = Wide(0) - tie;
+  const Wide above_lo = z - a * lo, below_hi = a * hi - z;
+  const auto near_lo = and_(above_lo <= tie, above_lo >= minus_tie);
+  const auto near_hi = and_(below_hi <= tie, below_hi >= minus_tie);
+  const auto is_point = lo == hi;
+  const auto is_below = and_(above_lo <= tie, or_(above_lo < minus_tie, or_(is_point, is_unilateral)));
+  const auto is_above = and_(not_(is_below), or_(below_hi < minus_tie, is_point));
+  return {not_(or_(is_below, is_above)), is_below, is_above, or_(near_lo, near_hi)};
+}
+
 /// A cone's reaction and motion in the coordinates of the unit cone.
 template <int M>
 struct ModePoint {
@@ -68,17 +130,17 @@ struct Complement {
   }
 };
 
-/// A cone that slides along d = z_t / -norm(z_t), with gaps as in friction_directions().
+/// A cone that slides, with gaps as in friction_directions().
 template <int M>
-STICTION_HD void slide(const ModePoint<M>& point, Law law, const double (&z)[M], double length, double share,
-                       ConeDirections<M>& found) {
+STICTION_HD void slide(const ModePoint<M>& point, Law law, const double (&z)[M], double length,
+                       const FrictionMode<double>& mode, ConeDirections<M>& found) {
   int axis[M];
   double d[M] = {};
   int axes = 0;
   for (int k = 1; k < M; ++k)
     if (point.mu[k] > 0.0) {
       axis[axes] = k;
-      d[axes] = div_(0.0 - z[k], length);
+      d[axes] = sliding_direction(mode, z[k], length);
       ++axes;
     }
   found.mode = ConeMode::sliding;
@@ -92,7 +154,8 @@ STICTION_HD void slide(const ModePoint<M>& point, Law law, const double (&z)[M],
     found.F[k][0] = law == Law::convex ? 0.0 - mu * d[i] : 0.0;
     for (int j = 1; j < axes; ++j) found.E[k][j] = found.F[k][j] = mu * complement.entry(d, i, j);
   }
-  for (int j = 1; j < axes; ++j) found.D[j] = share;
+  const double curvature = sliding_curvature(mode, point.a);
+  for (int j = 1; j < axes; ++j) found.D[j] = curvature;
 }
 
 template <int M>
@@ -101,47 +164,39 @@ STICTION_HD ConeDirections<M> friction_directions(const ModePoint<M>& point, Law
   double moved[M];
   for (int k = 0; k < M; ++k) {
     moved[k] = point.y[k];
-    z[k] = point.a * point.x[k] - point.y[k];
+    z[k] = natural_point(point.a, point.x[k], point.y[k]);
   }
   if (law == Law::coulomb) z[0] = z[0] - tangential_norm<M>(moved);
   const double length = tangential_norm<M>(z);
-  const double to_open = length + z[0];   // twice a x_n of a sliding contact
-  const double to_stick = length - z[0];  // twice its speed
+  const FrictionMode<double> mode = friction_mode(z[0], length, tie);
   ConeDirections<M> found;
-  if (to_open <= tie) {
-    found.is_degenerate = to_open >= 0.0 - tie;
-  } else if (to_stick <= tie) {
+  found.is_degenerate = mode.is_tied;
+  if (mode.sticks) {
     found.mode = ConeMode::sticking;
-    found.is_degenerate = to_stick >= 0.0 - tie;
     for (int k = 0; k < M; ++k)
       if (point.mu[k] > 0.0) found.add(k, point.mu[k]);
-  } else {
-    slide(point, law, z, length, div_(point.a * to_stick, to_open), found);
+  } else if (mode.slides) {
+    slide(point, law, z, length, mode, found);
   }
   return found;
 }
 
-/// The directions of a cone of that shape. `tie`: how far from another mode it is degenerate [w]. A tie goes to the
-/// mode with a smaller reaction, and between sticking and sliding to sticking.
+/// The directions of a cone of that shape; `tie` as in friction_mode().
 template <class Shape, int M>
 STICTION_HD ConeDirections<M> cone_directions(Shape, const ModePoint<M>& point, Law law, double tie) {
   if constexpr (Shape::kKind == ConeKind::friction) {
     return friction_directions(point, law, tie);
   } else if constexpr (Shape::kKind == ConeKind::free) {
     return single_row<M>(true, ConeMode::sticking, false);
-  } else if constexpr (Shape::kKind == ConeKind::unilateral) {
-    const double z = point.a * point.x[0] - point.y[0];
-    if (z <= tie) return single_row<M>(false, ConeMode::open, z >= 0.0 - tie);
-    return single_row<M>(true, ConeMode::sticking, false);
   } else {
-    const double z = point.a * point.x[0] - point.y[0];
-    const double above_lo = z - point.a * point.lo;
-    const double below_hi = point.a * point.hi - z;
-    const bool near = abs_(above_lo) <= tie || abs_(below_hi) <= tie;
-    const bool is_point = point.lo == point.hi;
-    if (above_lo < 0.0 - tie || (is_point && above_lo <= tie)) return single_row<M>(false, ConeMode::at_lo, near);
-    if (below_hi < 0.0 - tie || is_point) return single_row<M>(false, ConeMode::at_hi, near);
-    return single_row<M>(true, ConeMode::sticking, near);
+    constexpr bool kUnilateral = Shape::kKind == ConeKind::unilateral;
+    const double hi = kUnilateral ? __builtin_huge_val() : point.hi;
+    const RowMode<double> mode =
+        row_mode(natural_point(point.a, point.x[0], point.y[0]), point.a, point.lo, hi, kUnilateral, tie);
+    ConeMode name = ConeMode::sticking;
+    if (mode.at_lo) name = kUnilateral ? ConeMode::open : ConeMode::at_lo;
+    if (mode.at_hi) name = ConeMode::at_hi;
+    return single_row<M>(mode.moves, name, mode.is_tied);
   }
 }
 

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "core/algorithm/derivative/cone_mode.hpp"
-#include "core/algorithm/derivative/derivative_env.hpp"
+#include "core/algorithm/derivative/mode_products.hpp"
 #include "core/algorithm/residual/final_residual.hpp"
 #include "core/team/reduce.hpp"
 
@@ -189,7 +189,7 @@ STICTION_HD_OUTLINE ModesFound find_modes(TeamT& team, const EnvView<Real>& env,
   const Real* const lambda = job.at.lambda + env.first_row;
   for_each(team, env.n, [&](Index i) { s.seed[i] = static_cast<double>(lambda[i]); });
   apply_rows(
-      team, env, s, s.seed, [&](Index i) { return static_cast<double>(env.b[i]); },
+      team, modes_of(env, s), s.seed, [&](Index i) { return static_cast<double>(env.b[i]); },
       [&](Index i, double value) { s.w[i] = value; });
   return find_modes_at_motion(team, env, job, index, rows, s);
 }

@@ -69,7 +69,7 @@ template <Team TeamT, class Real, class Rows>
 STICTION_HD_OUTLINE RelaxedPoint evaluate_relaxed(TeamT& team, const EnvView<Real>& env, const Relaxing& relaxing,
                                                   const Rows& rows, const RelaxedScratch& s) {
   apply_rows(
-      team, env, s, s.lambda, [&](Index i) { return static_cast<double>(env.b[i]); },
+      team, modes_of(env, s), s.lambda, [&](Index i) { return static_cast<double>(env.b[i]); },
       [&](Index i, double value) { s.w[i] = value; });
   double size = 0.0;
   for_each(team, env.cone_count, [&](Index cone) {
@@ -107,8 +107,8 @@ STICTION_HD bool relaxed_step(TeamT& team, const EnvView<Real>& env, const Relax
     const Index first = s.first[cone], row = env.cone_row(cone);
     for (Index k = 0; k < s.first[cone + 1] - first; ++k) s.unknown[first + k] = 0.0 - s.residual[row + k];
   });
-  solve_system(team, s, unknowns);
-  for_each(team, env.n, [&](Index i) { s.step[i] = from_unknowns(s, s.E, i); });
+  solve_system(team, DenseMatrix{s.K, unknowns}, s);
+  for_each(team, env.n, [&](Index i) { s.step[i] = from_unknowns(modes_of(env, s), s.E, i); });
   return (flags & kGradientSingular) == 0;
 }
 

@@ -81,13 +81,13 @@ STICTION_HD void change_bounds(TeamT& team, const EnvView<Real>& env, const JvpJ
   });
 }
 
-/// The change of the solution by a set. Leaves d lambda in `s.nu` and dw in `s.seed`. Returns the relative residual of
-/// the system; below zero where one was not finite.
+/// The change of the solution by a set. Leaves d lambda in `s.nu` and dw in `s.seed`.
 template <Team TeamT, class Real, class Scratch>
-STICTION_HD double solve_change(TeamT& team, const EnvView<Real>& env, const JvpJob<Real>& job, const Scratch& s,
-                                Offset set, Index unknowns) {
+STICTION_HD SolutionCheck<double> solve_change(TeamT& team, const EnvView<Real>& env, const JvpJob<Real>& job,
+                                               const Scratch& s, Offset set, Index unknowns) {
   const Offset rows = set * job.batch.row_count + env.first_row;
   const Real* const lambda = job.at.lambda + env.first_row;
+  const EnvModes<Real> modes = modes_of(env, s);
   project_reactions(team, env, job, s, set);
   // What b, R and A do to the motion while the reactions rest.
   const auto motion_change = [&](Index i) {
@@ -99,28 +99,23 @@ STICTION_HD double solve_change(TeamT& team, const EnvView<Real>& env, const Jvp
   change_bounds(team, env, job, s, set);
   const auto still = [&](Index i) { return s.still[i]; };
   const auto keep = [&](Index i, double value) { s.seed[i] = value; };
-  apply_rows(team, env, s, s.nu, still, keep);
+  apply_rows(team, modes, s.nu, still, keep);
   double largest = 0.0;
   const auto tested = [&](Index i) { return s.seed[i] + s.image[i]; };
-  to_unknowns(team, env, s, s.F, tested, [&](Index k, Index, double value) {
+  to_unknowns(team, modes, s.F, tested, [&](Index k, Index, double value) {
     s.unknown[k] = 0.0 - value;
     largest = max_(abs_(value * s.row_scale[k]), largest);
   });
-  solve_system(team, s, unknowns);
-  for_each(team, env.n, [&](Index i) { s.nu[i] = s.nu[i] + from_unknowns(s, s.E, i); });
-  apply_rows(team, env, s, s.nu, still, keep);
+  solve_system(team, DenseMatrix{s.K, unknowns}, s);
+  for_each(team, env.n, [&](Index i) { s.nu[i] = s.nu[i] + from_unknowns(modes, s.E, i); });
+  apply_rows(team, modes, s.nu, still, keep);
   double left = 0.0;
-  std::uint32_t broken = 0;
-  to_unknowns(team, env, s, s.F, tested, [&](Index k, Index slot, double value) {
+  to_unknowns(team, modes, s.F, tested, [&](Index k, Index slot, double value) {
     left = max_(abs_(fma_(s.D[slot], s.unknown[k], value) * s.row_scale[k]), left);
   });
-  for_each(team, env.n, [&](Index i) {
-    if (!finite_(s.nu[i]) || !finite_(s.seed[i])) broken = 1;
-  });
-  largest = team.max(largest);
-  left = team.max(left);
-  if (team.combine(broken) != 0) return -1.0;
-  return largest > 0.0 ? div_(left, largest) : 0.0;
+  bool is_finite = true;
+  for_each(team, env.n, [&](Index i) { is_finite = is_finite && finite_(s.nu[i]) && finite_(s.seed[i]); });
+  return check_solution(team, left, largest, is_finite);
 }
 
 /// The changes of one set; zeros where `refused`.
@@ -144,10 +139,13 @@ STICTION_HD void jvp_along(TeamT& team, const EnvView<Real>& env, const JvpJob<R
   for (Offset set = 0; set < job.count; ++set) {
     bool broken = refused;
     if (!refused) {
-      const double own = solve_change(team, env, job, s, set, found.unknowns);
-      broken = own < 0.0;
-      if (broken) found.flags |= kGradientNonFinite;
-      residual = max_(own, residual);
+      const auto own = solve_change(team, env, job, s, set, found.unknowns);
+      broken = !own.is_finite;
+      if (broken) {
+        found.flags |= kGradientNonFinite;
+      } else {
+        residual = max_(own.residual, residual);
+      }
     }
     write_changes(team, env, job, s, set, broken);
   }

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <type_traits>
+
 #include "core/algorithm/derivative/find_modes.hpp"
 #include "core/algorithm/linear/dense/dense_lu.hpp"
 
@@ -11,6 +13,21 @@ namespace stiction::inline STICTION_ISA {
 template <bool kTransposed>
 STICTION_HD double& system_entry(const DenseMatrix& K, Index f, Index c) {
   return kTransposed ? K(c, f) : K(f, c);
+}
+
+/// Adds entry (i, j) of A + diag R to column c of a cone's rows of G. sum(f) gets F(i, f) * moved, f in [begin, end).
+/// `F`: row i of it. `moved`: the entry times E(j, c).
+template <class Wide, class Sum>
+STICTION_HD void add_moved(const Wide* F, Wide moved, Index begin, Index end, const Sum& sum) {
+  for (Index f = begin; f < end; ++f) {
+    Wide& entry = sum(f);
+    entry = fma_(F[f], moved, entry);
+  }
+}
+
+/// Whether a contact slides that more pressure would press on less. `normal_gain`: its diagonal entry of G.
+STICTION_HD bool is_unstable(Index mode, double normal_gain) {
+  return mode == static_cast<Index>(ConeMode::sliding) && !(normal_gain > 0.0);
 }
 
 /// G of rows F and columns E. A lane takes the rows of a cone; stored entries of A add up in stored order.
@@ -27,10 +44,8 @@ STICTION_HD void fill_system(TeamT& team, const EnvView<Real>& env, const Deriva
       for (Index c = 0; c < others; ++c) {
         const double moved = value * s.E[static_cast<Offset>(j) * kMaxConeRows + c];
         if (moved == 0.0) continue;
-        for (Index f = 0; f < count; ++f) {
-          double& entry = system_entry<kTransposed>(K, first + f, begin + c);
-          entry = fma_(s.F[static_cast<Offset>(i) * kMaxConeRows + f], moved, entry);
-        }
+        add_moved(s.F + static_cast<Offset>(i) * kMaxConeRows, moved, 0, count,
+                  [&](Index f) -> double& { return system_entry<kTransposed>(K, first + f, begin + c); });
       }
     };
     for (Index i = row; i < row + size; ++i) {
@@ -80,15 +95,15 @@ STICTION_HD void add_factor(TeamT& team, const EnvView<Real>& env, const Derivat
 
 /// Divides rows, then columns, by powers of two near their largest entries, which rounds nothing. What a pivot is
 /// small against then does not depend on the units of rows.
-template <Team TeamT>
-STICTION_HD void equilibrate(TeamT& team, const DenseMatrix& K, double* row_scale, double* column_scale) {
+template <Team TeamT, class Matrix, class Wide>
+STICTION_HD void equilibrate(TeamT& team, const Matrix& K, Wide* row_scale, Wide* column_scale) {
   for_each(team, K.n, [&](Index i) {
-    double largest = 0.0;
+    Wide largest(0);
     for (Index j = 0; j < K.n; ++j) largest = max_(abs_(K(i, j)), largest);
     row_scale[i] = unit_scale(largest);
   });
   for_each(team, K.n, [&](Index j) {
-    double largest = 0.0;
+    Wide largest(0);
     for (Index i = 0; i < K.n; ++i) {
       K(i, j) = K(i, j) * row_scale[i];
       largest = max_(abs_(K(i, j)), largest);
@@ -115,21 +130,44 @@ STICTION_HD_OUTLINE std::uint32_t factor_system(TeamT& team, const EnvView<Real>
   std::uint32_t flags = 0;
   for_each(team, env.cone_count, [&](Index cone) {
     const Index first = s.first[cone];
-    if (s.mode[cone] == static_cast<Index>(ConeMode::sliding) && !(K(first, first) > 0.0))
-      flags |= kGradientUnstableBranch;
+    if (s.first[cone + 1] > first && is_unstable(s.mode[cone], K(first, first))) flags |= kGradientUnstableBranch;
   });
   equilibrate(team, K, s.row_scale, s.column_scale);
   if (factor_lu(team, K, s.pivots, pivot_floor<Real>(unknowns)) > 0) flags |= kGradientSingular;
   return team.combine(flags);
 }
 
-/// unknown = (G or its transpose)^-1 unknown.
-template <Team TeamT>
-STICTION_HD void solve_system(TeamT& team, const DerivativeScratch& s, Index unknowns) {
-  const DenseMatrix K{s.K, unknowns};
-  for_each(team, unknowns, [&](Index k) { s.unknown[k] = s.unknown[k] * s.row_scale[k]; });
+/// unknown = K^-1 unknown, K being the factor of G or of its transpose.
+template <Team TeamT, class Matrix, class Scratch>
+STICTION_HD void solve_system(TeamT& team, const Matrix& K, const Scratch& s) {
+  for_each(team, K.n, [&](Index k) { s.unknown[k] = s.unknown[k] * s.row_scale[k]; });
   solve_lu(team, K, s.pivots, s.unknown);
-  for_each(team, unknowns, [&](Index k) { s.unknown[k] = s.unknown[k] * s.column_scale[k]; });
+  for_each(team, K.n, [&](Index k) { s.unknown[k] = s.unknown[k] * s.column_scale[k]; });
+}
+
+/// Whether something is true on every lane of a team; in lanes of a pack, which one thread has, that of each.
+template <Team TeamT, class Truth>
+STICTION_HD Truth true_on_all(TeamT& team, Truth mine) {
+  if constexpr (std::is_same_v<Truth, bool>) {
+    return team.combine(mine ? 0U : 1U) == 0;
+  } else {
+    return mine;
+  }
+}
+
+/// How the solution of a set came out, by the numbers that are handed out.
+template <class Wide>
+struct SolutionCheck {
+  Wide residual;  ///< of the system relative to its right-hand side
+  Mask<Wide> is_finite;
+};
+/// From what each lane of a team has seen: the largest residual and right-hand side of an unknown.
+template <Team TeamT, class Wide>
+STICTION_HD SolutionCheck<Wide> check_solution(TeamT& team, Wide left, Wide right, Mask<Wide> is_finite) {
+  const Wide residual = team.max(left), largest = team.max(right);
+  const auto is_seeded = largest > Wide(0);
+  return {select(is_seeded, div_(residual, select(is_seeded, largest, Wide(1))), Wide(0)),
+          true_on_all(team, is_finite)};
 }
 
 }  // namespace stiction::inline STICTION_ISA

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <limits>
-
 #include "core/algorithm/derivative/cone_mode.hpp"
 
 /// A cone whose reaction and motion have products kappa in place of zero (docs/math/derivative.md, (22) to (27)). Its
@@ -41,7 +39,7 @@ struct RelaxedCone {
 };
 
 /// No bound, and how far one may be to be one.
-inline constexpr double kNoBound = std::numeric_limits<double>::infinity();
+inline constexpr double kNoBound = __builtin_huge_val();
 inline constexpr double kFarthestBound = 1e150;
 
 /// A product below the range of double would leave no smooth map.
@@ -60,7 +58,7 @@ struct Relaxing {
 template <int M>
 STICTION_HD RelaxedCone<M> relaxed_row(double x, double y, double a, double lo, double hi, double kappa) {
   const double c = product_of(a, kappa);
-  const double z = a * x - y;
+  const double z = natural_point(a, x, y);
   const bool has_lo = a * lo > 0.0 - kFarthestBound, has_hi = a * hi < kFarthestBound;
   double projected = z, by_lo = 0.0, by_hi = 0.0, opening = 1.0;
   if (has_lo && has_hi) {
@@ -105,7 +103,7 @@ STICTION_HD RelaxedCone<M> relaxed_friction(const ModePoint<M>& point, const Rel
   double z[M], moved[M], turn[M] = {};
   for (int k = 0; k < M; ++k) {
     moved[k] = point.y[k];
-    z[k] = point.a * point.x[k] - point.y[k];
+    z[k] = natural_point(point.a, point.x[k], point.y[k]);
   }
   if (relaxing.law == Law::coulomb) {
     // De Saxce's term is rounded off, so that it has a derivative where nothing moves.

@@ -39,6 +39,10 @@ STICTION_HD void write_record(TeamT& team, const DerivativeJob<Real>& job, Offse
   });
 }
 
+/// A tangential row's cotangent by its mu, where its cone slides (docs/math/derivative.md, (12)).
+STICTION_HD double by_friction(double g, double lambda, double nu, double w_bar, double w, double mu) {
+  return div_(fma_(g, lambda, (nu - w_bar) * w), mu);
+}
 /// A box row's cotangent by its bounds, from what follows changes of its reaction.
 STICTION_HD double by_lo(const DerivativeScratch& s, Index i, ConeMode mode) {
   return mode == ConeMode::at_lo ? s.image[i] : 0.0;
@@ -78,10 +82,9 @@ STICTION_HD void write_gradients(TeamT& team, const EnvView<Real>& env, const Vj
     for (Index k = 0; k < size; ++k) {
       const Index i = env.row_of(first, size, k);
       double by_mu = 0.0;
-      if (slides && k > 0 && env.friction(i) > Real(0)) {
-        const double own = nu(i) - given(job.cotangents.w, rows + i);
-        by_mu = div_(fma_(s.image[i], reaction(i), own * s.w[i]), static_cast<double>(env.friction(i)));
-      }
+      if (slides && k > 0 && env.friction(i) > Real(0))
+        by_mu = by_friction(s.image[i], reaction(i), nu(i), given(job.cotangents.w, rows + i), s.w[i],
+                            static_cast<double>(env.friction(i)));
       put(to.mu, rows + i, by_mu);
       put(to.lo, rows + i, is_box ? by_lo(s, i, mode) : 0.0);
       put(to.hi, rows + i, is_box ? by_hi(s, i, mode) : 0.0);
@@ -110,44 +113,47 @@ STICTION_HD void write_factor_gradients(TeamT& team, const EnvView<Real>& env, c
   });
 }
 
-/// The adjoint reaction of a set: solves G' y = E' (lambda_bar + A' w_bar). Leaves w_bar - F y in `s.nu`, and
-/// lambda_bar + (A + R)'(w_bar - F y) in `s.image`. Returns the residual of the system relative to its right-hand
-/// side, which the same numbers give; below zero where one was not finite.
-template <Team TeamT, class Real>
-STICTION_HD double solve_adjoint(TeamT& team, const EnvView<Real>& env, const VjpJob<Real>& job,
-                                 const DerivativeScratch& s, Offset set, Index unknowns) {
-  const Offset rows = set * job.batch.row_count + env.first_row;
-  const auto lambda_bar = [&](Index i) { return given(job.cotangents.lambda, rows + i); };
-  const auto w_bar = [&](Index i) { return given(job.cotangents.w, rows + i); };
-  const auto seed = [&](Index i) { return s.seed[i]; };
-  for_each(team, env.n, [&](Index i) {
-    s.seed[i] = lambda_bar(i);
-    s.nu[i] = w_bar(i);
+/// The adjoint reaction of a set, of one environment or of environments side by side: solves G' y = E' (lambda_bar +
+/// A' w_bar). Leaves w_bar - F y in `nu`, and lambda_bar + (A + R)'(w_bar - F y) in `image`. `K`: the factor of G'.
+template <Team TeamT, class Modes, class Matrix, class Bar>
+STICTION_HD auto solve_adjoint(TeamT& team, const Modes& modes, const Matrix& K, const Bar& bar) {
+  using Wide = typename Modes::Wide;
+  const auto& s = modes.s;
+  const auto lambda_bar = [&](Index i) { return bar.by_lambda(i); };
+  const auto image = [&](Index i) { return s.image[i]; };
+  for_each(team, modes.rows(), [&](Index i) {
+    s.image[i] = bar.by_lambda(i);
+    s.nu[i] = bar.by_w(i);
   });
-  if (job.cotangents.w != nullptr) apply_columns(team, env, s, s.nu, s.seed, lambda_bar);
-  double largest = 0.0;
-  to_unknowns(team, env, s, s.E, seed, [&](Index k, Index, double value) {
+  if (bar.has_w()) apply_columns(team, modes, s.nu, s.image, lambda_bar);
+  Wide largest(0);
+  to_unknowns(team, modes, s.E, image, [&](Index k, Index, Wide value) {
     s.unknown[k] = value;
     largest = max_(abs_(value * s.row_scale[k]), largest);
   });
-  solve_system(team, s, unknowns);
-  for_each(team, env.n, [&](Index i) { s.nu[i] = w_bar(i) - from_unknowns(s, s.F, i); });
-  apply_columns(team, env, s, s.nu, s.image, lambda_bar);
-  double left = 0.0;
-  std::uint32_t broken = 0;
-  to_unknowns(
-      team, env, s, s.E, [&](Index i) { return s.image[i]; },
-      [&](Index k, Index slot, double value) {
-        left = max_(abs_((value - s.D[slot] * s.unknown[k]) * s.row_scale[k]), left);
-      });
-  for_each(team, env.n, [&](Index i) {
-    if (!finite_(s.nu[i]) || !finite_(s.image[i])) broken = 1;
+  solve_system(team, K, s);
+  for_each(team, modes.rows(), [&](Index i) { s.nu[i] = bar.by_w(i) - from_unknowns(modes, s.F, i); });
+  apply_columns(team, modes, s.nu, s.image, lambda_bar);
+  Wide left(0);
+  to_unknowns(team, modes, s.E, image, [&](Index k, Index slot, Wide value) {
+    left = max_(abs_((value - s.D[slot] * s.unknown[k]) * s.row_scale[k]), left);
   });
-  largest = team.max(largest);
-  left = team.max(left);
-  if (team.combine(broken) != 0) return -1.0;
-  return largest > 0.0 ? div_(left, largest) : 0.0;
+  auto is_finite = finite_(Wide(0));
+  for_each(team, modes.rows(),
+           [&](Index i) { is_finite = and_(is_finite, and_(finite_(s.nu[i]), finite_(s.image[i]))); });
+  return check_solution(team, left, largest, is_finite);
 }
+
+/// Cotangents of the solution of an environment, of a set.
+template <class Real>
+struct SolutionBar {
+  const SolutionCotangentView<Real>& cotangents;
+  Offset first_row;
+
+  [[nodiscard]] STICTION_HD double by_lambda(Index i) const { return given(cotangents.lambda, first_row + i); }
+  [[nodiscard]] STICTION_HD double by_w(Index i) const { return given(cotangents.w, first_row + i); }
+  [[nodiscard]] STICTION_HD bool has_w() const { return cotangents.w != nullptr; }
+};
 
 /// Whether every row stores all columns in order, on every lane.
 template <Team TeamT, class Real>
@@ -169,10 +175,14 @@ STICTION_HD void vjp_along(TeamT& team, const EnvView<Real>& env, const VjpJob<R
   for (Offset set = 0; set < job.count; ++set) {
     bool broken = refused;
     if (!refused) {
-      const double own = solve_adjoint(team, env, job, s, set, found.unknowns);
-      broken = own < 0.0;
-      if (broken) found.flags |= kGradientNonFinite;
-      residual = max_(own, residual);
+      const auto own = solve_adjoint(team, modes_of(env, s), DenseMatrix{s.K, found.unknowns},
+                                     SolutionBar<Real>{job.cotangents, set * job.batch.row_count + env.first_row});
+      broken = !own.is_finite;
+      if (broken) {
+        found.flags |= kGradientNonFinite;
+      } else {
+        residual = max_(own.residual, residual);
+      }
     }
     write_gradients(team, env, job, s, set, broken);
     write_factor_gradients(team, env, job, s, set, broken);

@@ -17,8 +17,7 @@
 
 #define STICTION_SHARED_WITH_SYSTEM(kind, BlockType, Real, ...)                                       \
   kind template std::uint32_t load_system(BlockType&, const EnvView<Real>&, __VA_ARGS__&, LoadRules); \
-  kind template void write_solution(BlockType&, const EnvView<Real>&, const __VA_ARGS__&);            \
-  STICTION_SHARED_RECORDS(kind, BlockType, false, __VA_ARGS__)
+  kind template void write_solution(BlockType&, const EnvView<Real>&, const __VA_ARGS__&);
 
 #define STICTION_SHARED_BODIES_OF(kind, BlockType, Real)                                                       \
   kind template FinalResidual final_residual<false>(BlockType&, const EnvView<Real>&, const StoredRows<Real>&, \
@@ -29,8 +28,9 @@
                                                    const IslandShares<Real>&, const ErrorScale&);              \
   kind template FinalResidual final_residual<true>(BlockType&, const EnvView<Real>&, const FactorRows<Real>&,  \
                                                    const IslandShares<Real>&, const ErrorScale&);              \
-  STICTION_SHARED_RECORDS(kind, BlockType, true, SparseSystem<Real>)                                           \
-  STICTION_SHARED_RECORDS(kind, BlockType, true, FactorSystem<Real>)                                           \
+  STICTION_SHARED_RECORDS(kind, BlockType, true, FileOrderSystem<Real>)                                        \
+  STICTION_SHARED_RECORDS(kind, BlockType, false, FileOrderSystem<Real>)                                       \
+  STICTION_SHARED_RECORDS(kind, BlockType, false, DenseSystem<Real, 1>)                                        \
   STICTION_SHARED_WITH_SYSTEM(kind, BlockType, Real, DenseSystem<Real, 1>)                                     \
   STICTION_SHARED_WITH_SYSTEM(kind, BlockType, Real, SparseSystem<Real>)                                       \
   STICTION_SHARED_WITH_SYSTEM(kind, BlockType, Real, FactorSystem<Real>)

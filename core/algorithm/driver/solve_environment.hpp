@@ -8,8 +8,6 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// Iterations between two checks of the residual. Part of the numerics epoch: environments stop at multiples of it.
-inline constexpr Index kChunk = 4;
 static_assert(kRefreshInterval % kChunk == 0);
 
 /// Chunk of one method. An iteration of a method that factorises costs so much more than a check that it is checked
@@ -100,7 +98,7 @@ STICTION_HD void solve_loaded(TeamT& team, const EnvView<Real>& env, System& s, 
 template <class Method, Law kLaw, Team TeamT, class Real, class System>
 STICTION_HD void solve_environment(TeamT& team, const EnvView<Real>& env, System& s, const MethodParams<Real>& params,
                                    const StopRule& rule) {
-  LoadRules rules = load_rules<Method>(kLaw, s);
+  LoadRules rules = load_rules<Method>(law_of<kLaw>(env), s);
   if (params.is_fallback_stage) rules.needs_symmetry = false;
   const std::uint32_t flags = load_system(team, env, s, rules) | unsupported_flags<Method>(env, s);
   solve_loaded<Method, kLaw>(team, env, s, params, rule, flags);

@@ -75,6 +75,7 @@ STICTION_HD_SHARED std::uint32_t load_system(TeamT& team, const EnvView<Real>& e
     s.residual_weight[c] = s.press[c] = s.island[c] = s.shares[c] = s.inv_n[c] = s.inv_t[c] = s.inv_cone[c] =
         s.damping[c] = s.share[c] = s.lo[c] = s.hi[c] = 0;
   });
+  s.law = env.law;
   const Inspection<Real> seen = inspect(team, env, s);
   std::uint32_t flags = rules.takes_any_diagonal ? seen.flags & ~kFlagBadDiagonal : seen.flags;
   if ((flags & ~kHarmlessFlags) != 0) return flags;
@@ -163,7 +164,7 @@ STICTION_HD bool is_solvable(std::uint32_t flags) {
 template <class Method, Law kLaw, Team TeamT, class Real, class System>
 STICTION_HD std::uint32_t prepare(TeamT& team, const EnvView<Real>& env, System& s) {
   const std::uint32_t flags =
-      load_system(team, env, s, load_rules<Method>(kLaw, s)) | unsupported_flags<Method>(env, s);
+      load_system(team, env, s, load_rules<Method>(law_of<kLaw>(env), s)) | unsupported_flags<Method>(env, s);
   if (is_solvable(flags)) begin_method<Method, kLaw>(team, env, s);
   return flags;
 }

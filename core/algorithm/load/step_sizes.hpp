@@ -156,7 +156,7 @@ STICTION_HD void finish_cone(Shape shape, System& s, Index cone, Index row,
   put(s.island[cone], error_without_reaction(shape, y, metric, s.lo[cone], s.hi[cone], law, is_matrix, largest));
   Real x[kRows];
   for (int k = 0; k < kRows; ++k) x[k] = z[k];
-  proximal_point<Law::convex>(shape, x, still, Real(0), s.lo[cone], s.hi[cone]);
+  proximal_point(shape, x, still, Real(0), s.lo[cone], s.hi[cone], Law::convex);
   if constexpr (kRows > 1) {
     if (has_box_friction(s)) project_box_friction(x, z, s.lo[cone] < Real(0));
   }

@@ -13,10 +13,9 @@ namespace stiction::inline STICTION_ISA {
 template <class Real>
 void write_motion(const EnvView<Real>& env, const double* wide, double* motion) {
   using Four = Pack<double, 4>;
-  constexpr Index kFour = 4;
-  const bool is_by_four = env.is_full && env.n >= kFour;
-  for (Index next = 0; is_by_four && next < env.n; next += kFour) {
-    const Index first = next + kFour <= env.n ? next : env.n - kFour;  // the last four begin among those before
+  const bool is_by_four = env.is_full && env.n >= kFourRows;
+  for (Index next = 0; is_by_four && next < env.n; next += kFourRows) {
+    const Index first = next + kFourRows <= env.n ? next : env.n - kFourRows;  // the last four begin among those before
     Four b, R, lambda;
     widen_lanes(env.b + first, b);
     widen_lanes(env.R + first, R);
@@ -40,7 +39,7 @@ void write_lane(const EnvView<Real>& env, const PackWorkspace<Real, W>& workspac
   for (Index r = 0; r < workspace.n; ++r)
     if (batch_row[r] >= 0) env.lambda[batch_row[r]] = lambda[r];
   for (Index i = 0; i < env.n; ++i) workspace.wide[i] = static_cast<double>(env.lambda[i]);
-  for (Index i = env.n; i < env.n + PackWorkspace<Real, W>::kFour; ++i) workspace.wide[i] = 0.0;
+  for (Index i = env.n; i < env.n + kFourRows; ++i) workspace.wide[i] = 0.0;
   write_motion(env, workspace.wide, workspace.moved);
   for (Index r = 0; r < workspace.n; ++r)
     workspace.motion[Offset{r} * W + lane] = batch_row[r] < 0 ? 0.0 : workspace.moved[batch_row[r]];

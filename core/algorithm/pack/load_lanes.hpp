@@ -2,6 +2,7 @@
 
 #include "core/algorithm/load/load_system.hpp"
 #include "core/algorithm/pack/lane_rows.hpp"
+#include "core/algorithm/pack/weigh_lanes.hpp"
 #include "core/algorithm/residual/final_residual.hpp"
 
 /// Environments that enter lanes of a pack together. What load_system() does for one of them is done for all at once.
@@ -214,66 +215,6 @@ Mask<Lanes> asymmetric_lanes(const DenseSystem<Lanes>& pack) {
   return and_(largest > Lanes(0), div_(difference, largest) > Lanes(kLargestAsymmetry));
 }
 
-/// What the final residual needs and no iteration changes, in the lanes being loaded: the metric of each cone, from the
-/// diagonal in double.
-template <class Real, int W>
-void weigh_cones(const ConeCounts& slots, const PackWorkspace<Real, W>& workspace, const Pack<Real, W>& loading_mark) {
-  using Wide = Pack<double, kWideLanes<Real, W>>;
-  for (int first = 0; first < W; first += kWideLanes<Real, W>) {
-    const auto loading = widened(loading_mark, first) > Wide(0.0);
-    const auto put = [&](double* numbers, Index i, const Wide& value) {
-      double* const to = numbers + Offset{i} * W + first;
-      Wide old;
-      load_lanes(to, old);
-      store_lanes(to, select(loading, value, old));
-    };
-    for_each_segment(slots, [&](auto shape, Index count, Index first_cone, Index first_row) {
-      constexpr int kRows = decltype(shape)::kRows;
-      for (Index c = 0; c < count; ++c) {
-        Wide a(0.0);
-        for (int k = 0; k < kRows; ++k) {
-          const Index row = first_row + c * kRows + k;
-          const Wide d = widened(workspace.compliance[row], first) + widened(workspace.entry[row], first);
-          if (k == 0) {
-            a = max_(d, Wide(0.0));
-            continue;
-          }
-          const auto weights = axis_weights(a, d, widened(workspace.scale[row], first));
-          put(workspace.axis_press, row, weights.press);
-          put(workspace.axis_slip, row, weights.slip);
-        }
-        put(workspace.press, first_cone + c, a);
-      }
-    });
-  }
-}
-
-/// Metrics of the cones in one lane, whose rows may have more than one entry on the diagonal, or none.
-template <class Real, int W>
-void weigh_cones_of(const EnvView<Real>& env, const ConeCounts& slots, const PackWorkspace<Real, W>& workspace,
-                    int lane) {
-  const Index* const batch_row = workspace.rows_of(lane);
-  for_each_segment(slots, [&](auto shape, Index count, Index first_cone, Index first_row) {
-    constexpr int kRows = decltype(shape)::kRows;
-    for (Index c = 0; c < count; ++c) {
-      double a = 0.0;
-      for (int k = 0; k < kRows; ++k) {
-        const Index row = first_row + c * kRows + k, i = batch_row[row];
-        if (i < 0) continue;
-        const double d = row_diagonal(env, i, static_cast<double>(env.R[i]));
-        if (k == 0) {
-          a = max_(d, 0.0);
-          continue;
-        }
-        const auto weights = axis_weights(a, d, static_cast<double>(workspace.scale[row].v[lane]));
-        workspace.axis_press[Offset{row} * W + lane] = weights.press;
-        workspace.axis_slip[Offset{row} * W + lane] = weights.slip;
-      }
-      workspace.press[Offset{first_cone + c} * W + lane] = a;
-    }
-  });
-}
-
 /// hold_cone() of all cones of a lane whose rows are in place.
 template <class Real, int W>
 void hold_lane(const EnvView<Real>& env, DenseSystem<Real, W> s) {
@@ -329,8 +270,11 @@ STICTION_HD_SHARED void load_lanes_of(const DenseSystem<Pack<Real, W>>& pack, co
     sound[sound_count++] = load;
   }
   weigh_cones(pack.counts, workspace, loading_mark);
-  for (int e = 0; e < sound_count; ++e)
-    if (sound[e].is_scaled) weigh_cones_of(*sound[e].env, pack.counts, workspace, sound[e].lane);
+  for (int e = 0; e < sound_count; ++e) {
+    const EnvView<Real>& env = *sound[e].env;
+    if (sound[e].is_scaled) weigh_cones_of(env, pack.counts, workspace, sound[e].lane);
+    if (env.counts.free > 0) weigh_bare_rows(env, pack.counts, workspace, sound[e].lane);
+  }
   const auto broken = transpose_into_lanes(pack, workspace, sound, sound_count, scale_a, loading_mark);
   const auto loading = loading_mark > Lanes(0);
   const LoadScales<Lanes> scales = load_scales(pack);

@@ -6,6 +6,9 @@
 
 namespace stiction::inline STICTION_ISA {
 
+/// Rows whose motion is found together: so many zeros are behind an environment's reactions.
+inline constexpr Index kFourRows = 4;
+
 /// Neighbouring columns of the lanes that are neighbours in every matrix that is dealt out.
 struct ColumnTile {
   Index first;
@@ -20,9 +23,6 @@ struct PackWorkspace {
   static_assert(W % kTileEdge<Real> == 0);
   /// No tile is wider: how far behind a row's last number one may reach.
   static constexpr Index kLine = 64 / static_cast<Index>(sizeof(Real));
-
-  /// Rows whose motion is found together: so many zeros are behind an environment's reactions.
-  static constexpr Index kFour = 4;
 
   // Of each lane's environment, as long as it is there.
   Index* batch_row;    ///< the environment's row in each of a lane's, -1: none    (W; n)
@@ -54,7 +54,7 @@ struct PackWorkspace {
   Index tail_length;
 
   static constexpr Offset elements(Offset n, Offset cones) {
-    return W * (n * n + (11 + 5 * kDouble) * n + (3 + kDouble) * cones + tail_of(n) + kLine + kFour * kDouble);
+    return W * (n * n + (11 + 5 * kDouble) * n + (3 + kDouble) * cones + tail_of(n) + kLine + kFourRows * kDouble);
   }
 
   PackWorkspace(Real* memory, Index rows, Index cones) : n(rows), tail_length(static_cast<Index>(tail_of(rows))) {
@@ -70,8 +70,8 @@ struct PackWorkspace {
     for (double** part : {&axis_press, &axis_slip}) *part = reinterpret_cast<double*>(take(kDouble * n));
     motion = reinterpret_cast<double*>(take(kDouble * n));
     row = reinterpret_cast<const Real**>(take(kDouble * n));
-    wide = reinterpret_cast<double*>(take(kDouble * (n + kFour)));
-    moved = wide + n + kFour;  // W times what one needs
+    wide = reinterpret_cast<double*>(take(kDouble * (n + kFourRows)));
+    moved = wide + n + kFourRows;  // W times what one needs
     batch_row = reinterpret_cast<Index*>(take(n));
     column = reinterpret_cast<Index*>(take(n));
     tile = reinterpret_cast<ColumnTile*>(take(n));

@@ -1,10 +1,9 @@
 #pragma once
 
 #include "core/algorithm/plan/graph.hpp"
+#include "core/job/plan_view.hpp"
 
 namespace stiction::inline STICTION_ISA {
-
-inline constexpr Index kUncolored = -1;
 
 /// Rounds in which all lanes colour whatever may be coloured. What waits still after them hangs on a long chain of
 /// vertices that wait for one another, and one lane goes through it faster. The colours are the same either way.

@@ -58,12 +58,6 @@ STICTION_HD AxisWeights<Real> unit_axis_weights(Real d_n, Real unit_d, Real mu) 
   return axis_weights_of(moves, press, mu);
 }
 
-/// A law as the type of an argument.
-template <Law kLaw>
-struct LawConstant {
-  static constexpr Law value = kLaw;
-};
-
 /// A bound as a motion: of a row that cannot move all that are not infinite are zero.
 template <class Real>
 STICTION_HD Real bound_as_motion(Real a, Real bound) {
@@ -85,7 +79,8 @@ STICTION_HD Real box_error_square(Real x, Real y, Real lo, Real hi, Real press, 
 
 /// Boxed friction: a unilateral normal, and beside it each axis between the bounds that the normal reaction gives it.
 template <class Real, int M>
-STICTION_HD Real box_friction_error_square(const Real (&x)[M], const Real (&y)[M], const ConeMetric<Real, M>& metric) {
+STICTION_HD_PART Real box_friction_error_square(const Real (&x)[M], const Real (&y)[M],
+                                                const ConeMetric<Real, M>& metric) {
   const Real normal = metric.a * x[0];
   const Real radius = max_(normal, Real(0));
   Real sum = box_error_square(normal, y[0], Real(0), Real(__builtin_huge_valf()), Real(1), Real(1));
@@ -130,8 +125,8 @@ STICTION_HD Real sliding_error_square(const Real (&x)[M], const Real (&y)[M], co
 /// The distance of a contact with friction from the nearest member of its law's graph: open, sticking, sliding along
 /// its motion, sliding against its reaction.
 template <Law kLaw, class Real, int M>
-STICTION_HD Real friction_error_square(const Real (&x_unit)[M], const Real (&y_unit)[M],
-                                       const ConeMetric<Real, M>& metric) {
+STICTION_HD_PART Real friction_error_square(const Real (&x_unit)[M], const Real (&y_unit)[M],
+                                            const ConeMetric<Real, M>& metric) {
   constexpr auto kNone = __builtin_huge_valf();
   Real x[M];
   Real y[M];

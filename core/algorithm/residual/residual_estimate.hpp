@@ -68,7 +68,10 @@ STICTION_HD_PART void record_iterate(TeamT& team, System& s, Mask<typename Syste
 template <class Method, Law kLaw, Team TeamT, class System>
 STICTION_HD_OUTLINE void update_best(TeamT& team, System& s, Mask<typename System::Real> due) {
   if constexpr (!Method::template kKeepsMotion<System>) refresh_motion(team, s);
-  record_iterate<kTakesSemidefinite<Method> && kMayHaveSemidefinite<System>, kLaw>(team, s, due);
+  with_law<kLaw>(s, [&](auto law) {
+    record_iterate<kTakesSemidefinite<Method> && kMayHaveSemidefinite<System>, decltype(law)::value>(
+        team, without_matrix(s), due);
+  });
 }
 
 }  // namespace stiction::inline STICTION_ISA

@@ -103,8 +103,9 @@ struct Apgd {
       constexpr int kRows = decltype(shape)::kRows;
       Real g[kRows];
       for (int k = 0; k < kRows; ++k) g[k] = gradient[row + k];
-      if constexpr (decltype(shape)::kKind == ConeKind::friction && kLaw == Law::coulomb)
-        if (!is_semidefinite(shape, s, cone)) g[0] = g[0] + tangential_norm<kRows>(g);
+      if constexpr (decltype(shape)::kKind == ConeKind::friction)
+        if (law_of<kLaw>(s) == Law::coulomb && !is_semidefinite(shape, s, cone))
+          g[0] = g[0] + tangential_norm<kRows>(g);
       Real sum(0);
       for (int k = 0; k < kRows; ++k) sum = fma_(g[k], s.x[row + k] - x_before[row + k], sum);
       return sum;

@@ -1,8 +1,12 @@
 #pragma once
 
 #include "core/base/macros.hpp"
+#include "stiction/types.hpp"
 
 namespace stiction::inline STICTION_ISA {
+
+/// Iterations between two checks of the residual. Part of the numerics epoch: environments stop at multiples of it.
+inline constexpr Index kChunk = 4;
 
 /// Options of an iteration, as numbers of the solve's precision.
 template <class Real>

@@ -47,7 +47,7 @@ struct Npgs {
   template <Law kLaw, Team TeamT, class System>
   static STICTION_HD void iterate(TeamT& team, System& s, const MethodParams<Scalar<typename System::Real>>& params) {
     const auto next = extrapolate(team, s);
-    const auto progress = sweep<kLaw>(team, s, typename System::Real(params.omega));
+    const auto progress = sweep_by_law<kLaw>(team, s, typename System::Real(params.omega));
     update_momentum(team, s, next, progress);
   }
   template <Law kLaw, Team TeamT, class System>
@@ -55,7 +55,7 @@ struct Npgs {
                                   const MethodParams<Scalar<typename System::Real>>& params) {
     const auto next_a = extrapolate(team, s.a);
     const auto next_b = extrapolate(team, s.b);
-    const auto progress = sweep<kLaw>(team, s, typename System::Real(params.omega));
+    const auto progress = sweep_by_law<kLaw>(team, s, typename System::Real(params.omega));
     update_momentum(team, s.a, next_a, progress.a);
     update_momentum(team, s.b, next_b, progress.b);
   }

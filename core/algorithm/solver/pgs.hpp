@@ -25,7 +25,7 @@ struct Pgs {
   template <Law kLaw, Team TeamT, class System>
   static STICTION_HD void iterate(TeamT& team, System& s, const MethodParams<Scalar<typename System::Real>>& params) {
     using Real = typename System::Real;
-    sweep<kLaw>(team, s, Real(params.omega));
+    sweep_by_law<kLaw>(team, s, Real(params.omega));
   }
 
   /// Recomputes maintained motion in the lanes of `due`.

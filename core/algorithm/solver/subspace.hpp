@@ -66,7 +66,7 @@ struct Subspace {
       });
       // What slides by Coulomb's law has an asymmetric matrix.
       const Real sliding = find_zones(team, s);
-      if constexpr (kLaw == Law::coulomb) steps = and_(steps, sliding == Real(0));
+      if (law_of<kLaw>(s) == Law::coulomb) steps = and_(steps, sliding == Real(0));
       taken = any(steps) ? take_subspace_step<kLaw>(team, s, steps, last) : Real(0);
       const auto gains = taken > Real(0);
       // npgs starts anew from there.
@@ -151,7 +151,7 @@ struct Subspace {
       if constexpr (kRows == 1) {
         const Real seen = z[0];
         Real still[1] = {Real(0)};
-        proximal_point<Law::convex>(shape, z, still, Real(0), s.lo[cone], s.hi[cone]);
+        proximal_point(shape, z, still, Real(0), s.lo[cone], s.hi[cone], Law::convex);
         const auto moves = and_(seen == z[0], s.inv_cone[cone] > Real(0));
         if constexpr (decltype(shape)::kKind == ConeKind::unilateral) {
           loose[row] = select(and_(moves, z[0] > Real(0)), Real(1), Real(0));
@@ -273,7 +273,7 @@ struct Subspace {
         z[k] = s.x[row + k] + step[row + k];
         still[k] = Real(0);
       }
-      proximal_point<Law::convex>(shape, z, still, Real(0), s.lo[cone], s.hi[cone]);
+      proximal_point(shape, z, still, Real(0), s.lo[cone], s.hi[cone], Law::convex);
       for (int k = 0; k < kRows; ++k) s.x[row + k] = select(steps, z[k], kept[row + k]);
     });
   }

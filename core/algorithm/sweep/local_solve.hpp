@@ -2,6 +2,7 @@
 
 #include "core/algorithm/problem/cone_projection.hpp"
 #include "core/algorithm/problem/cone_shape.hpp"
+#include "core/algorithm/problem/law.hpp"
 #include "core/algorithm/sweep/uneven_friction.hpp"
 #include "core/base/strided.hpp"
 
@@ -44,7 +45,6 @@ template <int M, class System>
 STICTION_HD auto convex_step(const System& s, Index cone, Index row, const typename System::Real (&y)[M],
                              typename System::Real omega) {
   using Real = typename System::Real;
-  constexpr int kLocalSteps = 2;
   ConeStep<Real, M> step;
   Real motion[M];
   for (int k = 0; k < M; ++k) {
@@ -260,10 +260,11 @@ STICTION_HD auto local_step(Shape, const System& s, Index cone, Index row,
 
 /// A proximal step of any cone with one step length: P(x - gain * y), de Saxce's term added to y under the Coulomb law.
 /// What the methods take that move all cones at once.
-template <Law kLaw, class Shape, class Real, int M>
-STICTION_HD void proximal_point(Shape, Real (&z)[M], const Real (&y)[M], Real gain, Real lo, Real hi) {
+template <class Shape, class Real, int M>
+STICTION_HD void proximal_point(Shape, Real (&z)[M], const Real (&y)[M], Real gain, Real lo, Real hi, Law law) {
   Real motion = y[0];
-  if constexpr (Shape::kKind == ConeKind::friction && kLaw == Law::coulomb) motion = motion + tangential_norm<M>(y);
+  if constexpr (Shape::kKind == ConeKind::friction)
+    if (law == Law::coulomb) motion = motion + tangential_norm<M>(y);
   z[0] = fma_(Real(0) - gain, motion, z[0]);
   if constexpr (Shape::kKind == ConeKind::friction) {
     for (int k = 1; k < M; ++k) z[k] = fma_(Real(0) - gain, y[k], z[k]);

@@ -126,7 +126,7 @@ STICTION_HD void cone_proximal_point(Shape shape, const System& s, Index cone, R
       return;
     }
   }
-  proximal_point<kLaw>(shape, z, y, gain, lo, hi);
+  proximal_point(shape, z, y, gain, lo, hi, law_of<kLaw>(s));
 }
 
 }  // namespace stiction::inline STICTION_ISA

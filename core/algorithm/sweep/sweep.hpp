@@ -143,6 +143,20 @@ STICTION_HD RealType sweep(TeamT& team, FactorSystem<RealType>& s, RealType omeg
   return largest;
 }
 
+/// sweep() under a law that is known at run time, which all solvers on one kind of team have in common.
+template <Law kLaw, Team TeamT, class System>
+STICTION_HD_PART typename System::Real common_sweep(TeamT& team, System& s, typename System::Real omega) {
+  return sweep<kLaw>(team, s, omega);
+}
+template <Law kLaw, Team TeamT, class System>
+STICTION_HD auto sweep_by_law(TeamT& team, System& s, typename System::Real omega) {
+  if constexpr (kLaw == kLawOfSystem) {
+    return with_law<kLaw>(s, [&](auto law) { return common_sweep<decltype(law)::value>(team, s, omega); });
+  } else {
+    return sweep<kLaw>(team, s, omega);
+  }
+}
+
 /// Iterations after which maintained motion is recomputed, so that rounding does not pile up in it.
 inline constexpr Index kRefreshInterval = 16;
 

@@ -182,10 +182,12 @@ STICTION_HD Real axis_coupling(const UnevenCone<Real, M>& cone, const Real (&met
   return sqrt_(coupling);
 }
 
+/// Proximal steps on the local problem of a cone under the convex law.
+inline constexpr int kLocalSteps = 2;
+
 /// convex_step() of an uneven cone.
 template <class Real, int M>
 STICTION_HD_SHARED void uneven_convex_step(const UnevenCone<Real, M>& cone, Real (&d)[M]) {
-  constexpr int kLocalSteps = 2;
   Real metric[M];
   axis_metric(cone, metric);
   const Real stiffness = select(cone.inv_n > Real(0), div_(Real(1), cone.inv_n), metric[1]);

@@ -59,4 +59,15 @@ struct FileOrderSystem : SystemArrays<RealType, 1> {
   }
 };
 
+/// A system as those see it that need rows and cones of it, and not its matrix. Forms in the batch's order have these
+/// in common.
+template <class System>
+STICTION_HD auto& without_matrix(System& s) {
+  if constexpr (requires { s.env->kind; }) {
+    return static_cast<FileOrderSystem<typename System::Real>&>(s);
+  } else {
+    return s;
+  }
+}
+
 }  // namespace stiction::inline STICTION_ISA

@@ -3,6 +3,7 @@
 #include "core/base/real.hpp"
 #include "core/base/strided.hpp"
 #include "core/job/workspace.hpp"
+#include "stiction/types.hpp"
 
 namespace stiction::inline STICTION_ISA {
 
@@ -54,6 +55,7 @@ struct SystemArrays {
   Strided<Real, kStride> scalar;  ///< StateScalar                                       (kStateScalars)
   double* wide = nullptr;         ///< the method's doubles: vectors, then matrices      (Workspace::doubles)
   bool has_matrices = false;      ///< whether matrices are among them, or what a method has instead
+  Law law = Law::convex;          ///< as its environment's
 
   static constexpr Offset elements(Offset n, Offset cones, const Workspace& workspace) {
     return (6 + workspace.vectors) * n + 11 * cones + kStateScalars + workspace.double_elements<Real>(n);

@@ -14,7 +14,7 @@ struct StepLengthBar {
 
 /// The transposed derivative of project_second_order_cone() at z, of `bar`; adds that by the share.
 template <int M>
-STICTION_HD void pull_cone_projection(const double (&z)[M], double share, double (&bar)[M], double& by_share) {
+STICTION_HD void cone_projection_vjp(const double (&z)[M], double share, double (&bar)[M], double& by_share) {
   const double length = tangential_norm<M>(z);
   if (length <= z[0]) return;
   const double middle = fma_(share, length, (1.0 - share) * z[0]);
@@ -41,7 +41,7 @@ struct EvenAxes {
   }
 
   /// project_disk() in reverse: changes `bar` by the point, returns that by the radius.
-  STICTION_HD double pull_disk(const double (&z)[M], double radius, double (&bar)[M], StepLengthBar<M>&) const {
+  STICTION_HD double disk_vjp(const double (&z)[M], double radius, double (&bar)[M], StepLengthBar<M>&) const {
     const double norm = tangential_norm<M>(z);
     if (norm <= radius) return 0.0;
     double along = 0.0;
@@ -51,11 +51,11 @@ struct EvenAxes {
   }
 
   STICTION_HD void project_cone(double (&z)[M]) const { project_second_order_cone<M>(z, share); }
-  STICTION_HD void pull_cone(const double (&z)[M], double (&bar)[M], StepLengthBar<M>& by) const {
-    pull_cone_projection<M>(z, share, bar, by.share);
+  STICTION_HD void cone_vjp(const double (&z)[M], double (&bar)[M], StepLengthBar<M>& by) const {
+    cone_projection_vjp<M>(z, share, bar, by.share);
   }
 
-  STICTION_HD void pull_lengths(const LoneCone<M>&, const StepLengthBar<M>& by, LoneConeBar<M>& to) const {
+  STICTION_HD void lengths_vjp(const LoneCone<M>&, const StepLengthBar<M>& by, LoneConeBar<M>& to) const {
     to.inv_n = to.inv_n + by.length[0];
     for (int k = 1; k < M; ++k) to.inv_t = to.inv_t + by.length[k];
     to.damping = to.damping + by.damping;
@@ -85,7 +85,7 @@ struct UnevenAxes {
   }
 
   /// project_disk_in() in reverse: changes `bar` by the point, returns that by the radius.
-  STICTION_HD double pull_disk(const double (&z)[M], double radius, double (&bar)[M], StepLengthBar<M>& by) const {
+  STICTION_HD double disk_vjp(const double (&z)[M], double radius, double (&bar)[M], StepLengthBar<M>& by) const {
     if (tangential_norm<M>(z) <= radius) return 0.0;
     double out[M];
     for (int k = 0; k < M; ++k) out[k] = z[k];
@@ -112,7 +112,7 @@ struct UnevenAxes {
   STICTION_HD void project_cone(double (&z)[M]) const { project_cone_in(z, stiffness, metric); }
 
   /// project_cone_in() in reverse.
-  STICTION_HD void pull_cone(const double (&z)[M], double (&bar)[M], StepLengthBar<M>& by) const {
+  STICTION_HD void cone_vjp(const double (&z)[M], double (&bar)[M], StepLengthBar<M>& by) const {
     if (tangential_norm<M>(z) <= z[0]) return;
     double out[M];
     for (int k = 0; k < M; ++k) out[k] = z[k];
@@ -144,7 +144,7 @@ struct UnevenAxes {
 
   /// axis_metric() and axis_coupling() in reverse: what the loss says of step lengths becomes what it says of the
   /// block.
-  STICTION_HD void pull_lengths(const LoneCone<M>& s, StepLengthBar<M> by, LoneConeBar<M>& to) const {
+  STICTION_HD void lengths_vjp(const LoneCone<M>& s, StepLengthBar<M> by, LoneConeBar<M>& to) const {
     const auto entry = [&](int i, int j) { return 0.5 * (s.B[i][j] + s.B[j][i]); };
     const auto add = [&](int i, int j, double by_entry) {
       to.B[i][j] = fma_(0.5, by_entry, to.B[i][j]);

@@ -2,7 +2,7 @@
 
 #include "core/algorithm/derivative/vjp.hpp"
 #include "core/algorithm/driver/solve_environment.hpp"
-#include "core/algorithm/unrolled/pull_step.hpp"
+#include "core/algorithm/unrolled/vjp_step.hpp"
 #include "core/job/unrolled_job.hpp"
 
 /// Sweeps of `pgs` run again in double, with all that they saw kept (docs/math/derivative.md, (28)). Cones follow one
@@ -208,7 +208,7 @@ STICTION_HD_OUTLINE std::uint32_t load_tape(TeamT& team, const EnvView<Real>& en
     measure[2] = lone.damping[0];
     measure[3] = lone.share[0];
     double still[decltype(shape)::kRows] = {};
-    proximal_point<Law::convex>(shape, lone.x, still, 0.0, lone.lo[0], lone.hi[0]);
+    proximal_point(shape, lone.x, still, 0.0, lone.lo[0], lone.hi[0], Law::convex);
     for (int k = 0; k < decltype(shape)::kRows; ++k) s.x[first + k] = lone.x[k];
   });
   weigh_islands(team, env, s);

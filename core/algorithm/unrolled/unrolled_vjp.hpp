@@ -8,8 +8,8 @@ namespace stiction::inline STICTION_ISA {
 
 /// What one visit's step says of the cone, by one lane. `x` holds the iterate after it, and then that before it.
 template <Law kLaw, class Real, class Shape>
-STICTION_HD void pull_cone(Shape shape, const EnvView<Real>& env, double omega, const SweepTape& s, Index sweep,
-                           Index cone, Index first) {
+STICTION_HD void cone_vjp(Shape shape, const EnvView<Real>& env, double omega, const SweepTape& s, Index sweep,
+                          Index cone, Index first) {
   constexpr int kRows = Shape::kRows;
   const double* const before = s.before + static_cast<Offset>(sweep) * s.n + first;
   const double* const motion = s.motion + static_cast<Offset>(sweep) * s.n + first;
@@ -21,7 +21,7 @@ STICTION_HD void pull_cone(Shape shape, const EnvView<Real>& env, double omega, 
     s.x[first + r] = before[r];
   }
   LoneConeBar<kRows> to;
-  pull_local_step<kLaw>(shape, lone, y, omega, bar, to);
+  local_step_vjp<kLaw>(shape, lone, y, omega, bar, to);
   for (int r = 0; r < kRows; ++r) {
     s.x_bar[first + r] = to.x[r];
     s.by_motion[r] = to.y[r];
@@ -42,11 +42,11 @@ STICTION_HD void pull_cone(Shape shape, const EnvView<Real>& env, double omega, 
 
 /// One visit in reverse: its step, then what made its motion. A lane takes columns.
 template <Law kLaw, Team TeamT, class Real>
-STICTION_HD void pull_visit(TeamT& team, const EnvView<Real>& env, double omega, const SweepTape& s, Index sweep,
-                            Index cone) {
+STICTION_HD void visit_vjp(TeamT& team, const EnvView<Real>& env, double omega, const SweepTape& s, Index sweep,
+                           Index cone) {
   const Index first = env.cone_row(cone), size = env.cone_size(cone);
   single(team, [&] {
-    with_shape(env.kind[cone], size, [&](auto shape) { pull_cone<kLaw>(shape, env, omega, s, sweep, cone, first); });
+    with_shape(env.kind[cone], size, [&](auto shape) { cone_vjp<kLaw>(shape, env, omega, s, sweep, cone, first); });
   });
   for (Index r = 0; r < size; ++r) {
     const double by_motion = s.by_motion[r];
@@ -61,7 +61,7 @@ STICTION_HD void pull_visit(TeamT& team, const EnvView<Real>& env, double omega,
 
 /// What step lengths say of A, and the guess's way into its cone, in reverse.
 template <Team TeamT, class Real>
-STICTION_HD_OUTLINE void pull_start(TeamT& team, const EnvView<Real>& env, const SweepTape& s) {
+STICTION_HD_OUTLINE void start_vjp(TeamT& team, const EnvView<Real>& env, const SweepTape& s) {
   for_each_shape(team, env, [&](auto shape, Index cone, Index first) {
     constexpr int kRows = decltype(shape)::kRows;
     const auto lone = lone_cone(shape, env, s, cone, first, s.guess + first);
@@ -71,7 +71,7 @@ STICTION_HD_OUTLINE void pull_start(TeamT& team, const EnvView<Real>& env, const
     to.inv_t = measured[1];
     to.damping = measured[2];
     to.share = measured[3];
-    pull_measures(lone, to);
+    measures_vjp(lone, to);
     for (int i = 0; i < kRows; ++i)
       for (int j = 0; j < kRows; ++j) {
         double& entry = s.entry(s.A_bar, first + i, first + j);
@@ -83,7 +83,7 @@ STICTION_HD_OUTLINE void pull_start(TeamT& team, const EnvView<Real>& env, const
       bar[k] = s.x_bar[first + k];
     }
     if constexpr (kRows > 1) {
-      pull_cone_projection<kRows>(z, 0.5, bar, share);
+      cone_projection_vjp<kRows>(z, 0.5, bar, share);
     } else if (shape.kKind == ConeKind::unilateral) {
       if (!(z[0] > 0.0)) bar[0] = 0.0;
     } else if (shape.kKind == ConeKind::box) {
@@ -112,8 +112,8 @@ STICTION_HD void seed_sweeps(TeamT& team, const EnvView<Real>& env, const Unroll
 
 /// All of the sweeps up to `chosen` in reverse, of one set of cotangents. Whether everything is finite, on every lane.
 template <Law kLaw, Team TeamT, class Real>
-STICTION_HD_OUTLINE bool pull_sweeps(TeamT& team, const EnvView<Real>& env, const UnrolledJob<Real>& job,
-                                     const SweepTape& s, Index chosen, Offset set) {
+STICTION_HD_OUTLINE bool sweeps_vjp(TeamT& team, const EnvView<Real>& env, const UnrolledJob<Real>& job,
+                                    const SweepTape& s, Index chosen, Offset set) {
   seed_sweeps(team, env, job, s, set);
   for_each(team, s.n * s.n, [&](Index k) { s.A_bar[k] = 0.0; });
   for_each(team, 4 * env.cone_count, [&](Index k) { s.measured[k] = 0.0; });
@@ -124,8 +124,8 @@ STICTION_HD_OUTLINE bool pull_sweeps(TeamT& team, const EnvView<Real>& env, cons
   });
   for (Index sweep = chosen; sweep-- > 0;)
     for (Index p = env.cone_count; p-- > 0;)
-      pull_visit<kLaw>(team, env, job.sweeps.omega, s, sweep, env.factor == nullptr ? env.cone_order[p] : p);
-  pull_start(team, env, s);
+      visit_vjp<kLaw>(team, env, job.sweeps.omega, s, sweep, env.factor == nullptr ? env.cone_order[p] : p);
+  start_vjp(team, env, s);
   std::uint32_t broken = 0;
   for_each(team, s.n, [&](Index p) {
     if (!finite_(s.x_bar[p]) || !finite_(s.b_bar[p])) broken = 1;
@@ -223,8 +223,8 @@ STICTION_HD void unrolled_env(TeamT& team, const UnrolledJob<Real>& job, Offset 
   for (Offset set = 0; set < job.count; ++set) {
     bool refused = before != 0;
     if (!refused) {
-      refused = !(is_coulomb ? pull_sweeps<Law::coulomb>(team, env, job, s, chosen, set)
-                             : pull_sweeps<Law::convex>(team, env, job, s, chosen, set));
+      refused = !(is_coulomb ? sweeps_vjp<Law::coulomb>(team, env, job, s, chosen, set)
+                             : sweeps_vjp<Law::convex>(team, env, job, s, chosen, set));
       if (refused) record.flags |= kGradientNonFinite;
     }
     write_unrolled(team, env, job, s, set, refused);

@@ -84,7 +84,8 @@ class JacobianSolver {
   }
 
   /// Throws what solve() throws for these arguments, but for numbers; writes nothing.
-  void check(const JacobianBatchView<Real>& batch, const JacobianSolutionView<Real>& solution) const;
+  void check(const JacobianBatchView<Real>& batch, const JacobianSolutionView<Real>& solution,
+             const JacobianStart<Real>& start = {}) const;
 
   /// Returns when what was queued on `stream` is done; at once on the CPU. \throws Error(device_failure) if it failed.
   void synchronize(StreamRef stream = StreamRef::default_stream()) const { solver_.synchronize(stream); }

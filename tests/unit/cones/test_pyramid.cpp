@@ -7,7 +7,6 @@
 #include <limits>
 #include <vector>
 
-#include "core/algorithm/solver/lemke/lemke.hpp"
 #include "stiction/error.hpp"
 #include "tests/support/oracle.hpp"
 #include "tests/support/random_systems.hpp"
@@ -139,7 +138,7 @@ Slide slide_on_pyramid(int sides, double angle) {
   const Environment<double> env = contact({1, 1, 1}, {-2, 3 * std::cos(angle), 3 * std::sin(angle)}, 0.5);
   const auto batch = batch_of({env});
   const auto pyramids = linearise(batch, sides);
-  const auto solution = solve_alone<Lemke, Law::convex>(pyramids.batch, options(SolverKind::lemke, 1e-12, 1000));
+  const auto solution = solve_alone(pyramids.batch, options(SolverKind::lemke, 1e-12, 1000));
   EXPECT_EQ(solution.status[0].code, EnvCode::solved);
   const auto back = reactions(pyramids, batch, std::span<const double>(solution.lambda));
   for (std::size_t i = 0; i < 3; ++i) EXPECT_NEAR(back.w[i], back.lambda[i] + env.b[i], 1e-15);
@@ -201,7 +200,7 @@ TEST(Pyramid, ManySidesComeCloseToTheConesOptimum) {
     double before = std::numeric_limits<double>::infinity();
     for (const int sides : {4, 8, 16}) {
       const auto pyramids = linearise(batch, sides);
-      const auto solution = solve_alone<Lemke, Law::convex>(pyramids.batch, options(SolverKind::lemke, 1e-10, 10000));
+      const auto solution = solve_alone(pyramids.batch, options(SolverKind::lemke, 1e-10, 10000));
       ASSERT_EQ(solution.status[0].code, EnvCode::solved) << seed;
       const double reached = objective(reactions(pyramids, batch, std::span<const double>(solution.lambda)).lambda);
       // Pyramids of 4, 8 and 16 sides contain one another, and the cone contains them all.

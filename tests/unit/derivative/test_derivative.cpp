@@ -200,7 +200,7 @@ TEST(Derivative, IsThatOfTheNaturalMapAsAWhole) {
       const std::vector<double> w_bar = random_numbers(one.lambda.size(), 6);
       const auto batch = batch_of({one.env}, law);
       const auto own = vjp(batch.view(), one.lambda, lambda_bar, w_bar);
-      const auto other = NaturalMapDerivative(one.env, law, one.lambda).pull_back(lambda_bar, w_bar);
+      const auto other = NaturalMapDerivative(one.env, law, one.lambda).vjp(lambda_bar, w_bar);
       std::vector<double> stored;
       const std::size_t n = one.lambda.size();
       for (std::size_t i = 0; i < n; ++i)

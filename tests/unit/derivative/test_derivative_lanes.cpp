@@ -8,7 +8,7 @@
 #include <numeric>
 
 #include "core/machine/jacobian_machine.hpp"
-#include "cpu_fallback/machine/adjoint_parts.hpp"
+#include "cpu_fallback/machine/jacobian_vjp_parts.hpp"
 #include "cpu_fallback/tables/isa.hpp"
 #include "tests/support/bits.hpp"
 #include "tests/support/jacobian_derivatives.hpp"
@@ -86,10 +86,10 @@ std::vector<std::uint8_t> answered(const JacobianBatchView<double>& view, const 
   job.gradients = to.view();
   job.connect(machine->lay_out(view, StreamRef::default_stream()), in.data(), out.data());
   job.lanes = {adjoint.data(), moved.data(), found.data()};
-  cpu::AdjointParts<double> parts(job);
+  cpu::JacobianVjpParts<double> parts(job);
   cpu::VelocityScratch scratch;
-  cpu::best_isa().velocity().f64.pull(job, parts.all().data(), parts.results(), static_cast<Offset>(parts.all().size()),
-                                      scratch);
+  cpu::best_isa().velocity().f64.vjp(job, parts.all().data(), parts.results(), static_cast<Offset>(parts.all().size()),
+                                     scratch);
   parts.finish();
   return found;
 }

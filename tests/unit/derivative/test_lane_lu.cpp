@@ -5,7 +5,7 @@
 #include <limits>
 #include <vector>
 
-#include "core/algorithm/derivative/pull_slots.hpp"
+#include "core/algorithm/derivative/vjp_slots.hpp"
 #include "core/algorithm/linear/dense/dense_lu.hpp"
 #include "core/algorithm/linear/dense/lane_lu.hpp"
 #include "tests/support/derivative_cases.hpp"
@@ -53,7 +53,7 @@ TEST(LaneLu, HasTheBitsOfOneByOne) {
     const LaneMatrix<kWidth> all{K.data(), n};
     constexpr double kFloor = 1e-13;
     const auto sound = factor_lane_lu(all, exchanged.data(), Lanes(kFloor));
-    solve_lane_lu(all, exchanged.data(), v.data());
+    solve_lu(team, all, exchanged.data(), v.data());
     for (int l = 0; l < kWidth; ++l) {
       const Index replaced = factor_lu(team, DenseMatrix{matrix[l].data(), own[l]}, pivots.data(), kFloor);
       EXPECT_EQ(replaced == 0, (lane_bits(sound) >> l & 1U) != 0) << n << ", " << l;
@@ -71,12 +71,12 @@ TEST(LaneLu, HasTheBitsOfOneByOne) {
   }
 }
 
-TEST(PullSlots, HaveEveryOrderInThem) {
+TEST(VjpSlots, HaveEveryOrderInThem) {
   scenes::Rng rng(3);
   constexpr Index kMostRows = 60;
   Index taken = 0;
   for (int round = 0; round < 200; ++round) {
-    PullSlots slots;
+    VjpSlots slots;
     std::vector<std::vector<Index>> members;
     for (int member = 0; member < 8; ++member) {
       std::vector<Index> sizes(static_cast<std::size_t>(rng.below(12)));

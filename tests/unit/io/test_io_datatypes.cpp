@@ -2,7 +2,7 @@
 
 #include <span>
 
-#include "core/io/datatype_check.hpp"
+#include "core/io/guard/datatype_check.hpp"
 #include "core/io/readers.hpp"
 #include "tests/unit/io/test_io_support.hpp"
 

@@ -4,7 +4,7 @@
 #include <optional>
 #include <random>
 
-#include "core/io/inflated_size.hpp"
+#include "core/io/guard/inflated_size.hpp"
 #include "core/io/readers.hpp"
 #include "tests/unit/io/test_io_support.hpp"
 

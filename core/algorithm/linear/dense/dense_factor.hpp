@@ -13,19 +13,21 @@ struct DenseMatrix {
   STICTION_HD double& operator()(Index i, Index j) const { return data[i + static_cast<Offset>(n) * j]; }
 };
 
+/// Pivot in place of one that is not sound: the solution has no part along its direction.
+inline constexpr double kReplacedPivot = 0x1p+512;
+
 /// L D L' of a symmetric positive semidefinite K, of which the lower triangle is read (Golub and Van Loan 2013,
 /// section 4.1.2, right-looking). Afterwards the diagonal holds D and both triangles hold L, so that both
 /// substitutions read neighbours. A pivot that is not above `floor` belongs to a direction that K does not see. It is
 /// replaced by a number so large that the solution has no part along it. Returns how many were, on every lane.
 template <Team TeamT>
 STICTION_HD_OUTLINE Index factor_ldl(TeamT& team, const DenseMatrix& K, double floor) {
-  constexpr double kOutOfReach = 0x1p+512;
   const Index n = K.n;
   Index replaced = 0;
   for (Index j = 0; j < n; ++j) {
     const double found = K(j, j);
     const bool is_sound = found > floor;
-    const double pivot = is_sound ? found : kOutOfReach;
+    const double pivot = is_sound ? found : kReplacedPivot;
     if (!is_sound) ++replaced;
     for_each(team, n - j - 1, [&](Index k) {
       const Index i = j + 1 + k;

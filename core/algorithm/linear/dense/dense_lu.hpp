@@ -13,7 +13,6 @@ namespace stiction::inline STICTION_ISA {
 /// becomes a number so large that the solution has no part along it. Returns how many there were, on every lane.
 template <Team TeamT>
 STICTION_HD_OUTLINE Index factor_lu(TeamT& team, const DenseMatrix& K, double* pivots, double floor = 0.0) {
-  constexpr double kOutOfReach = 0x1p+512;
   const Index n = K.n;
   Index replaced = 0;
   for (Index j = 0; j < n; ++j) {
@@ -33,7 +32,7 @@ STICTION_HD_OUTLINE Index factor_lu(TeamT& team, const DenseMatrix& K, double* p
     if (!is_sound) ++replaced;
     single(team, [&] {
       pivots[j] = static_cast<double>(row);
-      if (!is_sound) K(j, j) = kOutOfReach;
+      if (!is_sound) K(j, j) = kReplacedPivot;
     });
     const double pivot = K(j, j);
     const auto update = [&](Index i, Index k) { K(i, k) = fma_(0.0 - K(i, j), K(j, k), K(i, k)); };

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "core/base/pack.hpp"
+#include "core/team/team.hpp"
 
 /// General square matrices of doubles side by side, one in each lane of a pack. Each lane does what factor_lu() and
 /// solve_lu() of dense_lu.hpp do for one matrix, number by number, and has their bits. Host only.
@@ -20,6 +21,13 @@ struct LaneMatrix {
   }
 };
 
+/// unit_scale(), lane by lane.
+template <int W>
+Pack<double, W> unit_scale(Pack<double, W> numbers) {
+  for (int lane = 0; lane < W; ++lane) numbers.v[lane] = unit_scale(numbers.v[lane]);
+  return numbers;
+}
+
 /// Exchanges, in each lane, number j of a column with the one that was exchanged with it in the matrix.
 template <int W>
 void exchange_lanes(Pack<double, W>* column, Index j, const Index* pivots) {
@@ -35,7 +43,7 @@ void exchange_lanes(Pack<double, W>* column, Index j, const Index* pivots) {
 
 /// Factors P K = L U, where each lane has a P of its own: row j changes places with row pivots[j * W + lane]. Column by
 /// column, so that the one that changes stays in the first cache. Columns of L keep the order of when they were found,
-/// so solve_lane_lu() exchanges as it goes. Below the diagonal lies -L. Returns the lanes whose pivots were above
+/// so solve_lu() exchanges as it goes. Below the diagonal lies -L. Returns the lanes whose pivots were above
 /// `floor` and finite. In others the factor is none.
 template <int W>
 Mask<Pack<double, W>> factor_lane_lu(const LaneMatrix<W>& K, Index* pivots, Pack<double, W> floor) {
@@ -67,7 +75,7 @@ Mask<Pack<double, W>> factor_lane_lu(const LaneMatrix<W>& K, Index* pivots, Pack
 
 /// v = K^-1 v by the factors.
 template <int W>
-void solve_lane_lu(const LaneMatrix<W>& K, const Index* pivots, Pack<double, W>* v) {
+void solve_lu(SerialTeam&, const LaneMatrix<W>& K, const Index* pivots, Pack<double, W>* v) {
   using Lanes = Pack<double, W>;
   const Index n = K.n;
   for (Index j = 0; j < n; ++j) {

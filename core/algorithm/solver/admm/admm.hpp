@@ -15,7 +15,7 @@ struct Admm {
     return {
         .f64_vectors = AdmmState::kVectors, .dense_matrices = 1, .matrix_free_vectors = AdmmState::kMatrixFreeVectors};
   }
-  static constexpr Index kChunk = 4;
+  static constexpr Index kChunk = stiction::kChunk;
   static STICTION_HD constexpr bool needs_symmetry(Law law) { return law == Law::convex; }
   template <class System>
   static constexpr bool kKeepsMotion = false;
@@ -74,8 +74,9 @@ struct Admm {
       constexpr int kRows = decltype(shape)::kRows;
       double y[kRows];
       for (int k = 0; k < kRows; ++k) y[k] = static_cast<double>(s.y[row + k]) * a.scale[row + k];
-      if constexpr (kLaw == Law::coulomb && decltype(shape)::kKind == ConeKind::friction)
-        if (!is_semidefinite(shape, s, cone)) y[0] = y[0] + tangential_norm<kRows>(y);
+      if constexpr (decltype(shape)::kKind == ConeKind::friction)
+        if (law_of<kLaw>(s) == Law::coulomb && !is_semidefinite(shape, s, cone))
+          y[0] = y[0] + tangential_norm<kRows>(y);
       for (int k = 0; k < kRows; ++k) {
         a.g[row + k] = div_(static_cast<double>(s.x[row + k]), a.scale[row + k]);
         if constexpr (decltype(shape)::kKind != ConeKind::free) a.g[row + k] = a.g[row + k] - div_(y[k], rho);
@@ -106,8 +107,9 @@ struct Admm {
         if (is_skew) load = load + a.skew[row + k];
         a.v[row + k] = fma_(own, a.z[row + k] - u[k], 0.0 - load);
       }
-      if constexpr (kLaw == Law::coulomb && decltype(shape)::kKind == ConeKind::friction)
-        if (!is_semidefinite(shape, s, cone)) a.v[row] = fma_(0.0 - rho, tangential_norm<kRows>(u), a.v[row]);
+      if constexpr (decltype(shape)::kKind == ConeKind::friction)
+        if (law_of<kLaw>(s) == Law::coulomb && !is_semidefinite(shape, s, cone))
+          a.v[row] = fma_(0.0 - rho, tangential_norm<kRows>(u), a.v[row]);
     });
     solve_penalized(team, s, a, rho);
     double apart = 0.0;

@@ -64,8 +64,8 @@ struct Ipm {
     factor_step(team, s, p);
     const double centring = predict(team, s, p, gap);
     double target = terms > 0.0 ? div_(gap * centring, terms) : 0.0;
-    if constexpr (kLaw == Law::coulomb)
-      if (terms > 0.0) target = max_(target, div_(min_(kShiftGuard * drift, gap), terms));
+    if (law_of<kLaw>(s) == Law::coulomb && terms > 0.0)
+      target = max_(target, div_(min_(kShiftGuard * drift, gap), terms));
     correct(team, s, p, target);
     write_point(team, s, p);
     watch<kLaw>(team, s);
@@ -79,23 +79,20 @@ struct Ipm {
   template <Law kLaw, Team TeamT, class System>
   static STICTION_HD_OUTLINE double refresh_motion_wide(TeamT& team, const System& s, const IpmSpace& p) {
     multiply_wide(team, s, p, p.x, [&](Index i, double value) { p.motion[i] = value + static_cast<double>(s.b[i]); });
-    if constexpr (kLaw == Law::convex) {
-      return 0.0;
-    } else {
-      s.for_each_cone(team, [&](auto shape, Index, Index row) {
-        using Shape = decltype(shape);
-        for (int k = 0; k < Shape::kRows; ++k) p.work[row + k] = 0.0;
-        if constexpr (Shape::kKind == ConeKind::friction) {
-          double sum = 0.0;
-          for (int k = 1; k < Shape::kRows; ++k) sum = fma_(p.motion[row + k], p.motion[row + k], sum);
-          const double fresh = sqrt_(sum);
-          p.work[row] = abs_(fresh - p.shift[row]) * p.x[row];
-          p.shift[row] = fresh;
-          p.motion[row] = p.motion[row] + fresh;
-        }
-      });
-      return sum_values(team, p.work, p.n);
-    }
+    if (law_of<kLaw>(s) == Law::convex) return 0.0;
+    s.for_each_cone(team, [&](auto shape, Index, Index row) {
+      using Shape = decltype(shape);
+      for (int k = 0; k < Shape::kRows; ++k) p.work[row + k] = 0.0;
+      if constexpr (Shape::kKind == ConeKind::friction) {
+        double sum = 0.0;
+        for (int k = 1; k < Shape::kRows; ++k) sum = fma_(p.motion[row + k], p.motion[row + k], sum);
+        const double fresh = sqrt_(sum);
+        p.work[row] = abs_(fresh - p.shift[row]) * p.x[row];
+        p.shift[row] = fresh;
+        p.motion[row] = p.motion[row] + fresh;
+      }
+    });
+    return sum_values(team, p.work, p.n);
   }
 
   /// The point as the solve's numbers, inside the cones to the last bit.
@@ -110,7 +107,7 @@ struct Ipm {
         z[k] = static_cast<Real>(p.x[row + k]);
         still[k] = 0;
       }
-      proximal_point<Law::convex>(shape, z, still, Real(0), s.lo[cone], s.hi[cone]);
+      proximal_point(shape, z, still, Real(0), s.lo[cone], s.hi[cone], Law::convex);
       for (int k = 0; k < Shape::kRows; ++k) s.x[row + k] = z[k];
     });
   }
@@ -128,7 +125,7 @@ struct Ipm {
       const bool improved = !is_first && last < Real(0.9F) * smallest;
       if (improved) smallest = last;
       waited = is_first || improved ? Real(0) : waited + Real(1);
-      if (waited >= Real(patience(kLaw))) s.scalar[kOutcome] = Real(kFinished);
+      if (waited >= Real(patience(law_of<kLaw>(s)))) s.scalar[kOutcome] = Real(kFinished);
       if (!is_first && last > Real(kLost) * smallest) s.scalar[kOutcome] = Real(kGaveUp);
     });
   }

@@ -45,7 +45,7 @@ struct Newton {
   template <Law kLaw, Team TeamT, class System>
   static STICTION_HD_OUTLINE void start(TeamT& team, System& s) {
     using Real = typename System::Real;
-    if (kLaw == Law::convex && is_compliant(team, s)) {
+    if (law_of<kLaw>(s) == Law::convex && is_compliant(team, s)) {
       single(team, [&] {
         s.scalar[kProximalWeight] = Real(0);
         s.scalar[kWasExhausted] = Real(0);
@@ -63,7 +63,7 @@ struct Newton {
     const bool is_primal = s.scalar[kProximalWeight] == Real(0);
     team.sync();
     bool is_exhausted = false;
-    if (kLaw == Law::convex && is_primal) {
+    if (law_of<kLaw>(s) == Law::convex && is_primal) {
       // Twice in a row: the last step may still have gained half the digits.
       const bool was_exhausted = s.scalar[kWasExhausted] == Real(1);
       is_exhausted = iterate_primal(team, s);

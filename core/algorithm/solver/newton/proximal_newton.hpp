@@ -50,7 +50,8 @@ STICTION_HD_OUTLINE ProximalPoint<M> proximal_gap(Shape shape, const System& s, 
     point.hi = static_cast<double>(s.hi[cone]);
   }
   double shift = 0.0;
-  if constexpr (Shape::kKind == ConeKind::friction && kLaw == Law::coulomb) shift = tangential_norm<M>(y);
+  if constexpr (Shape::kKind == ConeKind::friction)
+    if (law_of<kLaw>(s) == Law::coulomb) shift = tangential_norm<M>(y);
   double g[M];
   double projected[M];
   for (int k = 0; k < M; ++k) {
@@ -58,7 +59,7 @@ STICTION_HD_OUTLINE ProximalPoint<M> proximal_gap(Shape shape, const System& s, 
     point.z[k] = projected[k] = fma_(0.0 - D, g[k], x[k]);
   }
   double still[M] = {};
-  proximal_point<Law::convex>(shape, projected, still, 0.0, point.lo, point.hi);
+  proximal_point(shape, projected, still, 0.0, point.lo, point.hi, Law::convex);
   for (int k = 0; k < M; ++k) point.gap[k] = x[k] - projected[k];
   return point;
 }
@@ -111,8 +112,8 @@ STICTION_HD_OUTLINE void linearise_proximal(TeamT& team, const System& s, double
     const ProximalPoint<kRows> at = proximal_gap<kLaw>(shape, s, cone, x, y, prox_center, prox_weight);
     NaturalSlope<kRows> slope{{}, {}, div_(1.0, at.weight), prox_weight};
     projection_derivative(shape, at.z, at.lo, at.hi, slope.P);
-    if constexpr (decltype(shape)::kKind == ConeKind::friction && kLaw == Law::coulomb) {
-      const double length = tangential_norm<kRows>(y);
+    if constexpr (decltype(shape)::kKind == ConeKind::friction) {
+      const double length = law_of<kLaw>(s) == Law::coulomb ? tangential_norm<kRows>(y) : 0.0;
       if (length > 0.0)
         for (int k = 1; k < kRows; ++k) slope.turn[k] = div_(y[k], length);
     }
@@ -213,7 +214,7 @@ STICTION_HD_OUTLINE void try_step(TeamT& team, const System& s, double length) {
     double still[kRows] = {};
     for (int k = 0; k < kRows; ++k)
       x[k] = fma_(length, workspace.vector(kStep)[row + k], workspace.vector(kPoint)[row + k]);
-    proximal_point<Law::convex>(shape, x, still, 0.0, static_cast<double>(s.lo[cone]), static_cast<double>(s.hi[cone]));
+    proximal_point(shape, x, still, 0.0, static_cast<double>(s.lo[cone]), static_cast<double>(s.hi[cone]), Law::convex);
     for (int k = 0; k < kRows; ++k) workspace.vector(kTrial)[row + k] = x[k];
   });
   renew_motion<true>(team, s, kTrial, kTrialMotion);

@@ -55,7 +55,7 @@ class BlockNewton {
     refresh();
     evaluate();
     if (by_reactions && !progress_.is_answered) {
-      for_each(team_, env_.rows, [&](Index row) { n_.x[row] = n_.held[row]; });
+      for_each(team_, env_.rows, [&](Index row) { n_.x[row] = n_.prox_center[row]; });
       evaluate();
     }
     if (is_solved()) return progress_.residual;
@@ -63,7 +63,7 @@ class BlockNewton {
     if (!by_reactions && !by_velocity) return progress_.residual;
     refresh();
     const double without = terms_.value(team_, mass_);
-    if (by_reactions) judge_.push(team_, n_.held);
+    if (by_reactions) judge_.push(team_, n_.prox_center);
     for_each(team_, lists_.dofs.count, [&](Index block) {
       for (Index i = 0; i < lists_.dofs.size(block); ++i) {
         const Offset at = static_cast<Offset>(block) * kBodyBlock + i;
@@ -86,9 +86,9 @@ class BlockNewton {
     const IncompleteCholesky preconditioner{lists_.levels.view, n_.lower};
     preconditioner.prepare(team_, H_);
     conjugate_gradient(team_, H_, system(tolerance), preconditioner);
-    const BlockTerms::Along along = terms_.look_along(team_, mass_);
+    const BlockTerms::Along along = terms_.line_products(team_, mass_);
     if (!(along.slope < 0.0 - along.noise)) return false;
-    const auto look = [&](double t) { return terms_.look_at(team_, along, t); };
+    const auto look = [&](double t) { return terms_.point_on_line(team_, along, t); };
     terms_.take_step(team_, search_line(look, along.slope, kSlopeLeft, along.noise));
     terms_.refresh_reactions(team_);
     terms_.refresh_force(team_, mass_);
@@ -218,8 +218,8 @@ class BlockNewton {
       const Index first = terms_.cones().row[c];
       double slip = 0.0;
       for (Index k = 0, row = first; row < terms_.cones().row[c + 1]; ++k, ++row) {
-        n_.held[row] = n_.best[row];
-        n_.shift[row] = 0.0 - n_.prox[row] * n_.held[row];
+        n_.prox_center[row] = n_.best[row];
+        n_.shift[row] = 0.0 - n_.prox[row] * n_.prox_center[row];
         const double w = n_.mu[row] * fma_(n_.R[row], n_.best[row], images[k] + n_.b[row]);
         if (k > 0) slip = fma_(w, w, slip);
       }
@@ -232,17 +232,17 @@ class BlockNewton {
     return {terms_.unknowns(), n_.force, n_.step, n_.gradients, tolerance, kMostGradientSteps};
   }
 
-  /// The warm start's reactions as the centre, if they are a start.
+  /// The warm start's reactions as the centre, if it can start from them.
   STICTION_HD_OUTLINE bool load_reactions() {
     std::uint32_t broken = 0;
     for_each(team_, env_.rows, [&](Index row) {
-      n_.held[row] = static_cast<double>(job_.warm_start[env_.first_row + row]);
+      n_.prox_center[row] = static_cast<double>(job_.warm_start[env_.first_row + row]);
       if (!can_start_from(job_.warm_start[env_.first_row + row])) broken = 1;
     });
     const bool can_start = team_.combine(broken) == 0;
     for_each(team_, env_.rows, [&](Index row) {
-      if (!can_start) n_.held[row] = 0.0;
-      n_.shift[row] = 0.0 - n_.prox[row] * n_.held[row];
+      if (!can_start) n_.prox_center[row] = 0.0;
+      n_.shift[row] = 0.0 - n_.prox[row] * n_.prox_center[row];
     });
     if (!can_start) progress_.flags |= kFlagWarmStartRejected;
     return can_start;

@@ -19,11 +19,11 @@ struct BlockRenewal {
     const BlockWorkspace& n = terms.n;
     const Index first = terms.cones().row[c], count = terms.cones().rows(c);
     const double old[2] = {n.law[3 * c], n.law[3 * c + 1]};
-    const bool sticks = count > 1 && n.slope[3 * c + 1] == 0.0 && n.unit[first] > 0.0;
+    const bool sticks = count > 1 && n.G_cones[3 * c + 1] == 0.0 && n.G_rows[first] > 0.0;
     double slip = 0.0;
     for (Index row = first; row < first + count; ++row) {
       n.motion[row] = n.z[row] - n.shift[row];
-      n.held[row] = n.x[row];
+      n.prox_center[row] = n.x[row];
       n.sigma[row] = 0.0;
       if (row == first || sticks || !has_slip) continue;
       n.sigma[row] = n.mu[row] * fma_(n.R[row], n.x[row], n.motion[row]);
@@ -35,7 +35,7 @@ struct BlockRenewal {
     keep_zone(c, ratio[1]);
     double change[kMaxConeRows] = {}, answer[kMaxConeRows] = {};
     for (Index k = 0, row = first; k < count; ++k, ++row) {
-      n.shift[row] = (k == 0 ? slip : 0.0) - n.prox[row] * n.held[row];
+      n.shift[row] = (k == 0 ? slip : 0.0) - n.prox[row] * n.prox_center[row];
       const double z = n.motion[row] + n.shift[row];
       change[k] = fma_(0.0 - ratio[k == 0 ? 0 : 1], n.z[row], z);
       n.z[row] = z;
@@ -43,7 +43,7 @@ struct BlockRenewal {
     }
     find_feedback(c);
     divide_by_slip(c, change);
-    terms.times_slope(c, change, answer);
+    terms.times_G(c, change, answer);
     for (Index k = 0; k < count; ++k) n.x[first + k] = n.x[first + k] - answer[k];
   }
 
@@ -58,30 +58,30 @@ struct BlockRenewal {
     });
   }
 
-  /// Where the step d leads: motion and shift of a cone. n.line becomes J d.
+  /// Where the step d leads: motion and shift of a cone. n.Jp becomes J d.
   STICTION_HD void follow_cone(Index c) const {
     const BlockWorkspace& n = terms.n;
     const Index first = terms.cones().row[c], count = terms.cones().rows(c);
-    double line[kMaxConeRows] = {}, change[kMaxConeRows] = {}, answer[kMaxConeRows] = {};
-    terms.times_cone(c, n.step, line);
+    double Jp[kMaxConeRows] = {}, change[kMaxConeRows] = {}, answer[kMaxConeRows] = {};
+    terms.times_cone(c, n.step, Jp);
     double along = 0.0;
     bool turns = false;
     for (Index k = 0, row = first; k < count; ++k, ++row) {
-      change[k] = line[k];
-      along = fma_(n.sigma[row], line[k], along);
+      change[k] = Jp[k];
+      along = fma_(n.sigma[row], Jp[k], along);
       turns = turns || n.sigma[row] != 0.0;
-      n.z[row] = n.z[row] + line[k];
+      n.z[row] = n.z[row] + Jp[k];
     }
     if (!turns) return;
     change[0] = change[0] + along;
     divide_by_slip(c, change);
-    terms.times_slope(c, change, answer);
+    terms.times_G(c, change, answer);
     double slip = 0.0;
     for (Index k = 1, row = first + 1; k < count; ++k, ++row) {
-      const double w = n.mu[row] * fma_(n.R[row], n.x[row] - answer[k], n.motion[row] + line[k]);
+      const double w = n.mu[row] * fma_(n.R[row], n.x[row] - answer[k], n.motion[row] + Jp[k]);
       slip = fma_(w, w, slip);
     }
-    const double shift = sqrt_(slip) - n.prox[first] * n.held[first];
+    const double shift = sqrt_(slip) - n.prox[first] * n.prox_center[first];
     n.z[first] = n.z[first] + (shift - n.shift[first]);
     n.shift[first] = shift;
   }
@@ -91,13 +91,13 @@ struct BlockRenewal {
   STICTION_HD void keep_zone(Index c, double ratio) const {
     const BlockWorkspace& n = terms.n;
     const Index first = terms.cones().row[c];
-    if (!(n.unit[first] > 0.0)) return;
-    const bool slides = terms.cones().rows(c) > 1 && n.slope[3 * c + 1] > 0.0;
-    n.unit[first] = n.law[3 * c + (slides ? 2 : 0)];
+    if (!(n.G_rows[first] > 0.0)) return;
+    const bool slides = terms.cones().rows(c) > 1 && n.G_cones[3 * c + 1] > 0.0;
+    n.G_rows[first] = n.law[3 * c + (slides ? 2 : 0)];
     if (terms.cones().rows(c) == 1) return;
-    n.slope[3 * c] = slides ? div_(n.slope[3 * c], ratio) : n.law[3 * c + 1];
-    n.slope[3 * c + 1] = slides ? n.law[3 * c + 2] : 0.0;
-    n.slope[3 * c + 2] = slides ? n.law[3 * c + 2] - n.slope[3 * c] : 0.0;
+    n.G_cones[3 * c] = slides ? div_(n.G_cones[3 * c], ratio) : n.law[3 * c + 1];
+    n.G_cones[3 * c + 1] = slides ? n.law[3 * c + 2] : 0.0;
+    n.G_cones[3 * c + 2] = slides ? n.law[3 * c + 2] - n.G_cones[3 * c] : 0.0;
   }
 
   /// feedback = G (R sigma): how the slip answers to the motion through reactions.
@@ -106,7 +106,7 @@ struct BlockRenewal {
     const Index first = terms.cones().row[c], count = terms.cones().rows(c);
     double in[kMaxConeRows] = {}, out[kMaxConeRows] = {};
     for (Index k = 0; k < count; ++k) in[k] = n.R[first + k] * n.sigma[first + k];
-    terms.times_slope(c, in, out);
+    terms.times_G(c, in, out);
     for (Index k = 0; k < count; ++k) n.feedback[first + k] = out[k];
   }
 
@@ -128,7 +128,7 @@ struct BlockRenewal {
     for (Index i = 0; i < kBodyBlock; ++i) {
       double column[kMaxConeRows] = {};
       for (Index k = 0; k < count; ++k) column[k] = J[k * kBodyBlock + i];
-      terms.times_slope(c, column, turned[i]);
+      terms.times_G(c, column, turned[i]);
       const double normal = div_(turned[i][0], 1.0 + n.feedback[first]);
       for (Index k = 0; k < count; ++k) turned[i][k] = fma_(0.0 - n.feedback[first + k], normal, turned[i][k]);
       for (Index k = 0; k < count; ++k) turned[i][k] = fma_(n.sigma[first + k], normal, turned[i][k]);

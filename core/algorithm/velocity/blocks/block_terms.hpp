@@ -69,42 +69,42 @@ struct BlockTerms {
       if (count == 1) {
         const RowReaction<double> point = row_reaction(row_law(c), n.z[first]);
         n.x[first] = point.x;
-        n.unit[first] = point.slope;
+        n.G_rows[first] = point.slope;
         return;
       }
       double z[kMaxConeRows] = {};
       for (Index k = 0; k < count; ++k) z[k] = n.mu[first + k] * n.z[first + k];
       const ConeReaction<double> point = cone_reaction(cone_law(c), z[0], length_of(z, count));
       n.x[first] = point.x_n;
-      n.unit[first] = point.normal;
+      n.G_rows[first] = point.normal;
       for (Index k = 1; k < count; ++k) {
         const double minus = 0.0 - z[k];
         n.x[first + k] = n.mu[first + k] * (point.across * minus);
-        n.unit[first + k] = minus * point.inverse_length;
+        n.G_rows[first + k] = minus * point.inverse_length;
       }
-      n.slope[3 * c] = point.across;
-      n.slope[3 * c + 1] = point.slide;
-      n.slope[3 * c + 2] = point.bend;
+      n.G_cones[3 * c] = point.across;
+      n.G_cones[3 * c + 1] = point.slide;
+      n.G_cones[3 * c + 2] = point.bend;
     });
   }
 
   /// out = G in for the rows of a cone.
-  STICTION_HD void times_slope(Index c, const double (&in)[kMaxConeRows], double (&out)[kMaxConeRows]) const {
+  STICTION_HD void times_G(Index c, const double (&in)[kMaxConeRows], double (&out)[kMaxConeRows]) const {
     const Index first = cones().row[c], count = cones().rows(c);
     if (count == 1) {
-      out[0] = n.unit[first] * in[0];
+      out[0] = n.G_rows[first] * in[0];
       return;
     }
-    const double across = n.slope[3 * c], slide = n.slope[3 * c + 1], bend = n.slope[3 * c + 2];
+    const double across = n.G_cones[3 * c], slide = n.G_cones[3 * c + 1], bend = n.G_cones[3 * c + 2];
     double along = 0.0;
     double scaled[kMaxConeRows] = {};
     for (Index k = 1; k < count; ++k) {
       scaled[k] = n.mu[first + k] * in[k];
-      along = fma_(n.unit[first + k], scaled[k], along);
+      along = fma_(n.G_rows[first + k], scaled[k], along);
     }
-    out[0] = fma_(slide, along, n.unit[first] * in[0]);
+    out[0] = fma_(slide, along, n.G_rows[first] * in[0]);
     const double pull = fma_(slide, in[0], bend * along);
-    for (Index k = 1; k < count; ++k) out[k] = n.mu[first + k] * fma_(pull, n.unit[first + k], across * scaled[k]);
+    for (Index k = 1; k < count; ++k) out[k] = n.mu[first + k] * fma_(pull, n.G_rows[first + k], across * scaled[k]);
   }
 
   /// force = J' x - M p, minus the gradient.
@@ -151,25 +151,25 @@ struct BlockTerms {
           block[i * kBodyBlock + j] = fma_(left[i][k], J[k * kBodyBlock + j], block[i * kBodyBlock + j]);
   }
 
-  /// Products along the step d: J d, G J d, and where on the line the function has which slope and curvature.
+  /// Products along the step p: J p, G J p, and where on the line the function has which slope and curvature.
   struct Along {
     double slope;      ///< at its beginning
     double curvature;  ///< of the quadratic model
     double noise;      ///< what rounding makes of a slope that is zero
   };
   template <Team TeamT>
-  STICTION_HD_OUTLINE Along look_along(TeamT& team, const MassBlocks& mass) const {
+  STICTION_HD_OUTLINE Along line_products(TeamT& team, const MassBlocks& mass) const {
     for_each(team, cones().cones, [&](Index c) {
-      double line[kMaxConeRows] = {}, bent[kMaxConeRows] = {};
-      times_cone(c, n.step, line);
-      times_slope(c, line, bent);
+      double Jp[kMaxConeRows] = {}, GJp[kMaxConeRows] = {};
+      times_cone(c, n.step, Jp);
+      times_G(c, Jp, GJp);
       double curve = 0.0;
       double size = 0.0;
       for (Index k = 0, row = cones().row[c]; row < cones().row[c + 1]; ++k, ++row) {
-        n.line[row] = line[k];
-        n.bent[row] = bent[k];
-        curve = fma_(line[k], bent[k], curve);
-        size = fma_(abs_(line[k]), abs_(n.x[row]), size);
+        n.Jp[row] = Jp[k];
+        n.GJp[row] = GJp[k];
+        curve = fma_(Jp[k], GJp[k], curve);
+        size = fma_(abs_(Jp[k]), abs_(n.x[row]), size);
       }
       n.line_curve[c] = curve;
       n.line_slope[c] = size;
@@ -184,7 +184,7 @@ struct BlockTerms {
   /// Slope and curvature at p + t d. What the quadratic model foresaw is known; what is summed is the rest, which is
   /// zero where a cone stays as it was.
   template <Team TeamT>
-  STICTION_HD_OUTLINE LinePoint look_at(TeamT& team, const Along& along, double t) const {
+  STICTION_HD_OUTLINE LinePoint point_on_line(TeamT& team, const Along& along, double t) const {
     for_each(team, cones().cones, [&](Index c) {
       const LinePoint rest = cones().rows(c) == 1 ? rest_of_row(c, t) : rest_of_cone(c, t);
       n.line_slope[c] = rest.slope;
@@ -199,7 +199,7 @@ struct BlockTerms {
   template <Team TeamT>
   STICTION_HD_OUTLINE void take_step(TeamT& team, double t) const {
     for_each(team, unknowns(), [&](Index i) { n.point[i] = fma_(t, n.step[i], n.point[i]); });
-    for_each(team, rows, [&](Index row) { n.z[row] = fma_(t, n.line[row], n.z[row]); });
+    for_each(team, rows, [&](Index row) { n.z[row] = fma_(t, n.Jp[row], n.z[row]); });
   }
 
   /// The function that is minimised, at the point: energy and the cones' potentials.
@@ -208,9 +208,9 @@ struct BlockTerms {
     mass.multiply(team, n.point, n.pushed);
     const double energy = 0.5 * dot_product(team, unknowns(), n.pushed, n.point);
     for_each(team, rows, [&](Index row) {
-      n.line[row] = n.x[row] * (0.0 - fma_(0.5 * (n.R[row] + n.prox[row]), n.x[row], n.z[row]));
+      n.Jp[row] = n.x[row] * (0.0 - fma_(0.5 * (n.R[row] + n.prox[row]), n.x[row], n.z[row]));
     });
-    return energy + sum_values(team, n.line, rows);
+    return energy + sum_values(team, n.Jp, rows);
   }
 
  private:
@@ -218,44 +218,44 @@ struct BlockTerms {
   STICTION_HD void add_touch(Index t, const BlockMatrix& H) const {
     const Index c = cones().cone[t], count = cones().rows(c);
     const double* const J = n.J + cones().entry[t];
-    double bent[kBodyBlock][kMaxConeRows];
+    double GJ[kBodyBlock][kMaxConeRows];
     for (Index i = 0; i < kBodyBlock; ++i) {
       double column[kMaxConeRows] = {};
       for (Index k = 0; k < count; ++k) column[k] = J[k * kBodyBlock + i];
-      times_slope(c, column, bent[i]);
+      times_G(c, column, GJ[i]);
     }
     for (Index other = cones().begin[c]; other <= t; ++other)
-      add_block(bent, count, other, H.block(find_block(H.pattern, cones().block[t], cones().block[other])));
+      add_block(GJ, count, other, H.block(find_block(H.pattern, cones().block[t], cones().block[other])));
   }
 
   [[nodiscard]] STICTION_HD LinePoint rest_of_row(Index c, double t) const {
     const Index row = cones().row[c];
-    const double line = n.line[row];
-    const RowReaction<double> point = row_reaction(row_law(c), fma_(t, line, n.z[row]));
-    const double change = (n.x[row] - point.x) - t * n.bent[row];
-    return {change * line, ((point.slope - n.unit[row]) * line) * line};
+    const double Jp = n.Jp[row];
+    const RowReaction<double> point = row_reaction(row_law(c), fma_(t, Jp, n.z[row]));
+    const double change = (n.x[row] - point.x) - t * n.GJp[row];
+    return {change * Jp, ((point.slope - n.G_rows[row]) * Jp) * Jp};
   }
   [[nodiscard]] STICTION_HD LinePoint rest_of_cone(Index c, double t) const {
     const Index first = cones().row[c], count = cones().rows(c);
-    double z[kMaxConeRows] = {}, line[kMaxConeRows] = {};
+    double z[kMaxConeRows] = {}, Jp[kMaxConeRows] = {};
     for (Index k = 0; k < count; ++k) {
-      line[k] = n.mu[first + k] * n.line[first + k];
-      z[k] = fma_(t, line[k], n.mu[first + k] * n.z[first + k]);
+      Jp[k] = n.mu[first + k] * n.Jp[first + k];
+      z[k] = fma_(t, Jp[k], n.mu[first + k] * n.z[first + k]);
     }
     const ConeReaction<double> point = cone_reaction(cone_law(c), z[0], length_of(z, count));
     double along = 0.0;
     double square = 0.0;
-    double slope = ((n.x[first] - point.x_n) - t * n.bent[first]) * line[0];
-    double before = n.bent[first] * line[0];
+    double slope = ((n.x[first] - point.x_n) - t * n.GJp[first]) * Jp[0];
+    double before = n.GJp[first] * Jp[0];
     for (Index k = 1; k < count; ++k) {
-      const double minus = 0.0 - z[k], raw = n.line[first + k];
+      const double minus = 0.0 - z[k], raw = n.Jp[first + k];
       const double x = n.mu[first + k] * (point.across * minus);
-      along = fma_(minus * point.inverse_length, line[k], along);
-      square = fma_(line[k], line[k], square);
-      slope = fma_((n.x[first + k] - x) - t * n.bent[first + k], raw, slope);
-      before = fma_(n.bent[first + k], raw, before);
+      along = fma_(minus * point.inverse_length, Jp[k], along);
+      square = fma_(Jp[k], Jp[k], square);
+      slope = fma_((n.x[first + k] - x) - t * n.GJp[first + k], raw, slope);
+      before = fma_(n.GJp[first + k], raw, before);
     }
-    const double turned = fma_((2.0 * point.slide) * line[0], along, (point.normal * line[0]) * line[0]);
+    const double turned = fma_((2.0 * point.slide) * Jp[0], along, (point.normal * Jp[0]) * Jp[0]);
     const double after = fma_(point.bend * along, along, fma_(point.across, square, turned));
     return {slope, after - before};
   }

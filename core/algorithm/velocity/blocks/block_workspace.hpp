@@ -69,13 +69,13 @@ struct BlockWorkspace {
   double* R;              ///< compliance                                                   (rows)
   double* mu;             ///< friction; 1 on a cone's first row                            (rows)
   double* prox;           ///< weight of the proximal term                                  (rows)
-  double* held;           ///< its centre                                                   (rows)
+  double* prox_center;    ///< its centre                                                   (rows)
   double* shift;          ///< what is added to the motion                                  (rows)
   double* z;              ///< motion with its shift                                        (rows)
   double* x;              ///< reactions at z                                               (rows)
-  double* unit;           ///< a row's slope; of a cone, the normal's, and direction of -z_t  (rows)
-  double* line;           ///< J d                                                          (rows)
-  double* bent;           ///< G J d                                                        (rows)
+  double* G_rows;         ///< a row's slope; of a cone, the normal's, and direction of -z_t  (rows)
+  double* Jp;             ///< J step                                                       (rows)
+  double* GJp;            ///< G J step                                                     (rows)
   double* diagonal;       ///< of J M^-1 J'                                                 (rows)
   double* motion;         ///< w of the reactions last evaluated                            (rows)
   double* answer;         ///< reactions as the batch's precision has them                  (rows)
@@ -86,7 +86,7 @@ struct BlockWorkspace {
   double* sigma;          ///< direction of slip times mu, where it follows                 (rows)
   double* feedback;       ///< of reactions on the slip                                     (rows)
   double* law;            ///< RowLaw or ConeLaw                                            (3 cones)
-  double* slope;          ///< of a friction cone: across, slide, bend                      (3 cones)
+  double* G_cones;        ///< of a friction cone: across, slide, bend                      (3 cones)
   double* steps;          ///< of a sweep: inv_n, inv_t, damping, share                     (kSteps cones)
   double* axis_press;     ///< ConeMetric's weights                                         (rows)
   double* axis_slip;      ///<                                                              (rows)
@@ -127,13 +127,13 @@ struct BlockWorkspace {
       return part;
     };
     for (double** part : {&J, &Y}) *part = take(Offset{kMostTouches} * kBodyBlock * extent.rows);
-    for (double** part :
-         {&target, &b,        &R,      &mu,     &prox, &held,     &shift,  &z,     &x,        &unit,       &line,
-          &bent,   &diagonal, &motion, &answer, &best, &x_before, &unit_x, &sigma, &feedback, &axis_press, &axis_slip})
+    for (double** part : {&target,   &b,      &R,     &mu,       &prox,       &prox_center, &shift,  &z,
+                          &x,        &G_rows, &Jp,    &GJp,      &diagonal,   &motion,      &answer, &best,
+                          &x_before, &unit_x, &sigma, &feedback, &axis_press, &axis_slip})
       *part = take(extent.rows);
     B = take(kMaxConeRows * Offset{extent.rows});
     steps = take(kSteps * Offset{extent.cones});
-    for (double** part : {&law, &slope}) *part = take(3 * Offset{extent.cones});
+    for (double** part : {&law, &G_cones}) *part = take(3 * Offset{extent.cones});
     for (double** part : {&weight, &share, &line_slope, &line_curve}) *part = take(extent.cones);
     const Offset unknowns = kBodyBlock * DofBlocks::most(extent.dofs);
     for (double** part : {&v_free, &point, &step, &force, &pushed, &pushed_before, &mobility}) *part = take(unknowns);

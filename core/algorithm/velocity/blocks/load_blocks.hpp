@@ -54,7 +54,7 @@ STICTION_HD bool load_rows(const JacobianBatchView<Real>& batch, const LaneEnv<R
     n.target[row] = batch.target == nullptr ? 0.0 : static_cast<double>(batch.target[at]);
     n.R[row] = static_cast<double>(batch.R[at]);
     n.mu[row] = row == touches.row[c] ? 1.0 : static_cast<double>(batch.mu[at]);
-    n.prox[row] = n.held[row] = n.shift[row] = 0.0;
+    n.prox[row] = n.prox_center[row] = n.shift[row] = 0.0;
     nothing = nothing + (nothing_of(n.target[row]) + (nothing_of(n.R[row]) + nothing_of(n.mu[row])));
     is_sound = is_sound && n.R[row] >= 0.0 && n.mu[row] >= 0.0;
   }

@@ -85,8 +85,8 @@ struct DoublePack {
   /// iteration's precision; this is what that is accurate to.
   STICTION_HD_OUTLINE void refresh_motion() const {
     const Doubles v = array(workspace.v);
-    const typename Types::Numbers& moved = workspace.moved;
-    for (Index k = 0; k < tree.dofs; ++k) v.put(k, v[k] + number(moved, k));
+    const typename Types::Numbers& dv = workspace.dv;
+    for (Index k = 0; k < tree.dofs; ++k) v.put(k, v[k] + number(dv, k));
     for (Index s = 0; s < counts.slots; ++s)
       for (Index k = 0; k < slots[s].rows; ++k) {
         const Index row = slots[s].row + k;

@@ -50,7 +50,7 @@ struct NewtonPack {
         [&](const auto& slot, Index s) {
           const RowReaction<Wide> point = row_reaction(row_law(s), workspace.z[slot.row]);
           workspace.x.put(slot.row, point.x);
-          workspace.unit.put(slot.row, point.slope);
+          workspace.G_rows.put(slot.row, point.slope);
         },
         [&](auto shape, const auto& slot, Index s) {
           constexpr int kRows = decltype(shape)::kRows;
@@ -59,15 +59,15 @@ struct NewtonPack {
           for (int k = 1; k < kRows; ++k) z[k] = workspace.mu[slot.row + k] * workspace.z[slot.row + k];
           const ConeReaction<Wide> point = cone_reaction(cone_law(s), z[0], tangential_norm<kRows>(z));
           workspace.x.put(slot.row, point.x_n);
-          workspace.unit.put(slot.row, point.normal);
+          workspace.G_rows.put(slot.row, point.normal);
           for (int k = 1; k < kRows; ++k) {
             const Wide minus = Wide(0) - z[k];
             workspace.x.put(slot.row + k, workspace.mu[slot.row + k] * (point.across * minus));
-            workspace.unit.put(slot.row + k, minus * point.inverse_length);
+            workspace.G_rows.put(slot.row + k, minus * point.inverse_length);
           }
-          workspace.slope.put(3 * s, point.across);
-          workspace.slope.put(3 * s + 1, point.slide);
-          workspace.slope.put(3 * s + 2, point.bend);
+          workspace.G_cones.put(3 * s, point.across);
+          workspace.G_cones.put(3 * s + 1, point.slide);
+          workspace.G_cones.put(3 * s + 2, point.bend);
         });
   }
 
@@ -96,30 +96,30 @@ struct NewtonPack {
 
   /// out = G in for the rows of a cone, in the batch's coordinates.
   template <int kRows>
-  STICTION_HD void times_slope(const SlotOf<Types>& slot, Index s, const Wide (&in)[kRows], Wide (&out)[kRows]) const {
-    const Wide across = workspace.slope[3 * s];
-    const Wide slide = workspace.slope[3 * s + 1];
-    const Wide bend = workspace.slope[3 * s + 2];
+  STICTION_HD void times_G(const SlotOf<Types>& slot, Index s, const Wide (&in)[kRows], Wide (&out)[kRows]) const {
+    const Wide across = workspace.G_cones[3 * s];
+    const Wide slide = workspace.G_cones[3 * s + 1];
+    const Wide bend = workspace.G_cones[3 * s + 2];
     Wide along(0);
     Wide scaled[kRows];
     for (int k = 1; k < kRows; ++k) {
       scaled[k] = workspace.mu[slot.row + k] * in[k];
-      along = fma_(workspace.unit[slot.row + k], scaled[k], along);
+      along = fma_(workspace.G_rows[slot.row + k], scaled[k], along);
     }
-    out[0] = fma_(slide, along, workspace.unit[slot.row] * in[0]);
+    out[0] = fma_(slide, along, workspace.G_rows[slot.row] * in[0]);
     const Wide pull = fma_(slide, in[0], bend * along);
     for (int k = 1; k < kRows; ++k)
-      out[k] = workspace.mu[slot.row + k] * fma_(pull, workspace.unit[slot.row + k], across * scaled[k]);
+      out[k] = workspace.mu[slot.row + k] * fma_(pull, workspace.G_rows[slot.row + k], across * scaled[k]);
   }
 
   /// out = G in for rows of a slot, or of kRows slots of one row each that touch the same degrees of freedom.
   template <bool kCone, int kRows>
-  STICTION_HD void times_slopes(const SlotOf<Types>& slot, Index s, Index from, const Wide (&in)[kRows],
+  STICTION_HD void times_G_rows(const SlotOf<Types>& slot, Index s, Index from, const Wide (&in)[kRows],
                                 Wide (&out)[kRows]) const {
     if constexpr (kCone) {
-      times_slope<kRows>(slot, s, in, out);
+      times_G<kRows>(slot, s, in, out);
     } else {
-      for (int k = 0; k < kRows; ++k) out[k] = workspace.unit[slot.row + from + k] * in[k];
+      for (int k = 0; k < kRows; ++k) out[k] = workspace.G_rows[slot.row + from + k] * in[k];
     }
   }
 
@@ -131,40 +131,40 @@ struct NewtonPack {
     HessianRows<NewtonPack>{*this}.add();
   }
 
-  /// gradient = J' G line.
+  /// gradient = J' G J p.
   STICTION_HD_OUTLINE void push_back() const {
     for (Index k = 0; k < tree.dofs; ++k) workspace.gradient.put(k, Wide(0));
     for_each_slot(
         [&](const auto& slot, Index) {
-          subtract_row(slot, 0, workspace.gradient, Wide(0) - workspace.unit[slot.row] * workspace.line[slot.row]);
+          subtract_row(slot, 0, workspace.gradient, Wide(0) - workspace.G_rows[slot.row] * workspace.Jp[slot.row]);
         },
         [&](auto shape, const auto& slot, Index s) {
           constexpr int kRows = decltype(shape)::kRows;
-          Wide line[kRows];
-          Wide bent[kRows];
-          for (int k = 0; k < kRows; ++k) line[k] = workspace.line[slot.row + k];
-          times_slope<kRows>(slot, s, line, bent);
-          for (int k = 0; k < kRows; ++k) subtract_row(slot, k, workspace.gradient, Wide(0) - bent[k]);
+          Wide Jp[kRows];
+          Wide GJp[kRows];
+          for (int k = 0; k < kRows; ++k) Jp[k] = workspace.Jp[slot.row + k];
+          times_G<kRows>(slot, s, Jp, GJp);
+          for (int k = 0; k < kRows; ++k) subtract_row(slot, k, workspace.gradient, Wide(0) - GJp[k]);
         });
   }
 
   /// J p and G J p of a step p; returns p'g.
-  STICTION_HD_OUTLINE Wide look_along() const {
+  STICTION_HD_OUTLINE Wide line_products() const {
     for_each_slot(
         [&](const auto& slot, Index) {
-          const Wide line = times_row(slot, 0, workspace.step, Wide(0));
-          workspace.line.put(slot.row, line);
-          workspace.bent.put(slot.row, workspace.unit[slot.row] * line);
+          const Wide Jp = times_row(slot, 0, workspace.step, Wide(0));
+          workspace.Jp.put(slot.row, Jp);
+          workspace.GJp.put(slot.row, workspace.G_rows[slot.row] * Jp);
         },
         [&](auto shape, const auto& slot, Index s) {
           constexpr int kRows = decltype(shape)::kRows;
-          Wide line[kRows];
-          Wide bent[kRows];
-          for (int k = 0; k < kRows; ++k) line[k] = times_row(slot, k, workspace.step, Wide(0));
-          times_slope<kRows>(slot, s, line, bent);
+          Wide Jp[kRows];
+          Wide GJp[kRows];
+          for (int k = 0; k < kRows; ++k) Jp[k] = times_row(slot, k, workspace.step, Wide(0));
+          times_G<kRows>(slot, s, Jp, GJp);
           for (int k = 0; k < kRows; ++k) {
-            workspace.line.put(slot.row + k, line[k]);
-            workspace.bent.put(slot.row + k, bent[k]);
+            workspace.Jp.put(slot.row + k, Jp[k]);
+            workspace.GJp.put(slot.row + k, GJp[k]);
           }
         });
     Wide sum(0);
@@ -178,27 +178,27 @@ struct NewtonPack {
     Wide slope;
     Wide curvature;
   };
-  STICTION_HD_OUTLINE LineSlope look_at(Wide t, Wide descent) const {
+  STICTION_HD_OUTLINE LineSlope point_on_line(Wide t, Wide descent) const {
     Wide slope = (Wide(1) - t) * descent;
     Wide curvature = Wide(0) - descent;
     for_each_slot(
         [&](const auto& slot, Index s) {
-          const Wide line = workspace.line[slot.row];
-          const RowReaction<Wide> point = row_reaction(row_law(s), fma_(t, line, workspace.z[slot.row]));
-          const Wide change = (workspace.x[slot.row] - point.x) - t * workspace.bent[slot.row];
-          slope = fma_(change, line, slope);
-          curvature = fma_((point.slope - workspace.unit[slot.row]) * line, line, curvature);
+          const Wide Jp = workspace.Jp[slot.row];
+          const RowReaction<Wide> point = row_reaction(row_law(s), fma_(t, Jp, workspace.z[slot.row]));
+          const Wide change = (workspace.x[slot.row] - point.x) - t * workspace.GJp[slot.row];
+          slope = fma_(change, Jp, slope);
+          curvature = fma_((point.slope - workspace.G_rows[slot.row]) * Jp, Jp, curvature);
         },
         [&](auto shape, const auto& slot, Index s) {
           constexpr int kRows = decltype(shape)::kRows;
           const ConeLaw<Wide> law = cone_law(s);
           Wide z[kRows];
-          Wide line[kRows];
+          Wide Jp[kRows];
           Wide mu[kRows];
           for (int k = 0; k < kRows; ++k) {
             mu[k] = k == 0 ? Wide(1) : workspace.mu[slot.row + k];
-            line[k] = mu[k] * workspace.line[slot.row + k];
-            z[k] = fma_(t, line[k], mu[k] * workspace.z[slot.row + k]);
+            Jp[k] = mu[k] * workspace.Jp[slot.row + k];
+            z[k] = fma_(t, Jp[k], mu[k] * workspace.z[slot.row + k]);
           }
           const ConeReaction<Wide> point = cone_reaction(law, z[0], tangential_norm<kRows>(z));
           Wide along(0);
@@ -206,17 +206,17 @@ struct NewtonPack {
           Wide before(0);
           for (int k = 1; k < kRows; ++k) {
             const Wide minus = Wide(0) - z[k];
-            along = fma_(minus * point.inverse_length, line[k], along);
-            square = fma_(line[k], line[k], square);
-            const Wide raw = workspace.line[slot.row + k];
+            along = fma_(minus * point.inverse_length, Jp[k], along);
+            square = fma_(Jp[k], Jp[k], square);
+            const Wide raw = workspace.Jp[slot.row + k];
             const Wide x = mu[k] * (point.across * minus);
-            slope = fma_((workspace.x[slot.row + k] - x) - t * workspace.bent[slot.row + k], raw, slope);
-            before = fma_(workspace.bent[slot.row + k], raw, before);
+            slope = fma_((workspace.x[slot.row + k] - x) - t * workspace.GJp[slot.row + k], raw, slope);
+            before = fma_(workspace.GJp[slot.row + k], raw, before);
           }
-          slope = fma_((workspace.x[slot.row] - point.x_n) - t * workspace.bent[slot.row], line[0], slope);
-          before = fma_(workspace.bent[slot.row], line[0], before);
-          // line' G line at the new place, less the same at the old one.
-          const Wide turned = fma_(Wide(2) * point.slide * line[0], along, point.normal * line[0] * line[0]);
+          slope = fma_((workspace.x[slot.row] - point.x_n) - t * workspace.GJp[slot.row], Jp[0], slope);
+          before = fma_(workspace.GJp[slot.row], Jp[0], before);
+          // Jp' G Jp at the new place, less the same at the old one.
+          const Wide turned = fma_(Wide(2) * point.slide * Jp[0], along, point.normal * Jp[0] * Jp[0]);
           const Wide after = fma_(point.bend * along, along, fma_(point.across, square, turned));
           curvature = curvature + (after - before);
         });
@@ -232,7 +232,7 @@ struct NewtonPack {
     Wide high(static_cast<Scalar<Wide>>(1e30));
     Mask<Wide> open = moving;
     for (int trial = 0; trial < kTrials; ++trial) {
-      const LineSlope there = look_at(t, descent);
+      const LineSlope there = point_on_line(t, descent);
       open = and_(open, abs_(there.slope) > enough);
       if (!any(open)) break;
       const auto is_before = there.slope < Wide(0);
@@ -250,18 +250,18 @@ struct NewtonPack {
   /// What v changed by, z, reactions and gradient after a step of length t.
   STICTION_HD_OUTLINE void take_step(Wide t) const {
     for (Index k = 0; k < tree.dofs; ++k) {
-      workspace.moved.put(k, fma_(t, workspace.step[k], workspace.moved[k]));
+      workspace.dv.put(k, fma_(t, workspace.step[k], workspace.dv[k]));
       workspace.gradient.put(k, (Wide(1) - t) * workspace.gradient[k]);
     }
     for (Index row = 0; row < counts.rows; ++row) {
-      workspace.z.put(row, fma_(t, workspace.line[row], workspace.z[row]));
-      workspace.change.put(row, workspace.x[row] - t * workspace.bent[row]);
+      workspace.z.put(row, fma_(t, workspace.Jp[row], workspace.z[row]));
+      workspace.model_gap.put(row, workspace.x[row] - t * workspace.GJp[row]);
     }
     refresh_reactions();
     for (Index s = 0; s < counts.slots; ++s)
       for (Index k = 0; k < slots[s].rows; ++k) {
         const Index row = slots[s].row + k;
-        const Wide change = workspace.change[row] - workspace.x[row];
+        const Wide change = workspace.model_gap[row] - workspace.x[row];
         if (any(change != Wide(0))) subtract_row(slots[s], k, workspace.gradient, Wide(0) - change);
       }
   }

@@ -47,7 +47,7 @@ struct ShiftTerms {
       const SlotOf<Types>& slot = slots[s];
       for (Index k = 0; k < slot.rows; ++k) {
         const double slip = slips && k == 0 && slot.rows > 1 ? mixing.next(weights, s) : 0.0;
-        workspace.held.at(slot.row + k, l) = workspace.x.at(slot.row + k, l);
+        workspace.prox_center.at(slot.row + k, l) = workspace.x.at(slot.row + k, l);
         workspace.shift.at(slot.row + k, l) = static_cast<Number>(slip - held(slot.row + k, l));
       }
     }
@@ -55,7 +55,7 @@ struct ShiftTerms {
 
   /// What the proximal term of a row subtracts.
   [[nodiscard]] STICTION_HD double held(Index row, int l) const {
-    return static_cast<double>(workspace.prox.at(row, l)) * static_cast<double>(workspace.held.at(row, l));
+    return static_cast<double>(workspace.prox.at(row, l)) * static_cast<double>(workspace.prox_center.at(row, l));
   }
 };
 

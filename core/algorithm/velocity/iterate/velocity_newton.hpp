@@ -147,7 +147,7 @@ class VelocityNewton {
     if (any_velocity)  // z at v_free, before anything is evaluated
       for_each_part([&](const DoublePack<Types>& part) {
         for (Index row = 0; row < counts_.rows; ++row)
-          part.put(workspace_.change, row, part.array(workspace_.motion)[row]);
+          part.put(workspace_.free_motion(), row, part.array(workspace_.motion)[row]);
       });
     any_reactions = any_reactions && job_.warm_start != nullptr;
     if (any_reactions) {
@@ -164,7 +164,7 @@ class VelocityNewton {
       // Without a warm start this is v_free, at which the scale was found.
       for (Index k = 0; k < tree_.dofs; ++k) part.array(workspace_.v).put(k, part.array(workspace_.velocity)[k]);
     });
-    for (Index k = 0; k < tree_.dofs; ++k) workspace_.moved.put(k, Wide(0));
+    for (Index k = 0; k < tree_.dofs; ++k) workspace_.dv.put(k, Wide(0));
     if (any_reactions) step_to_guess();
     if (any_velocity) {
       start_at_velocities();
@@ -186,7 +186,7 @@ class VelocityNewton {
   /// Goes to the given velocities in lanes that start there, unless the function (3) is smaller at v_free. What a small
   /// change of the free motion opens, or presses together, can make it far larger (docs/math/velocity_newton.md).
   STICTION_HD_OUTLINE void start_at_velocities() {
-    for (Index row = 0; row < counts_.rows; ++row) workspace_.z.put(row, workspace_.change[row]);
+    for (Index row = 0; row < counts_.rows; ++row) workspace_.z.put(row, workspace_.free_motion()[row]);
     pack_.refresh_reactions();
     const Wide without = pack_.potential();
     for (int l = 0; l < kLanes; ++l)
@@ -196,14 +196,14 @@ class VelocityNewton {
       part.refresh_motion();
       part.write_change();
     });
-    for (Index k = 0; k < tree_.dofs; ++k) workspace_.moved.put(k, Wide(0));
+    for (Index k = 0; k < tree_.dofs; ++k) workspace_.dv.put(k, Wide(0));
     pack_.refresh_reactions();
     const auto is_smaller = pack_.potential() + pack_.energy() <= without;
     bool any_back = false;
     for (int l = 0; l < kLanes; ++l) {
       if (!progress_[l].starts_at_velocity || is_set(is_smaller, l)) continue;
       any_back = true;
-      for (Index row = 0; row < counts_.rows; ++row) workspace_.z.at(row, l) = workspace_.change.at(row, l);
+      for (Index row = 0; row < counts_.rows; ++row) workspace_.z.at(row, l) = workspace_.free_motion().at(row, l);
       for (Index k = 0; k < tree_.dofs; ++k)
         workspace_.v[Offset{k} * Types::kStride + l] = static_cast<double>(workspace_.v_free.at(k, l));
     }
@@ -218,16 +218,16 @@ class VelocityNewton {
     pack_.push_back();
     pack_.refresh_hessian();
     factor_tree(tree_, workspace_.H, workspace_.inverse);
-    for (Index k = 0; k < tree_.dofs; ++k) workspace_.moved.put(k, workspace_.gradient[k]);
-    solve_tree(tree_, workspace_.H, workspace_.inverse, workspace_.moved);
+    for (Index k = 0; k < tree_.dofs; ++k) workspace_.dv.put(k, workspace_.gradient[k]);
+    solve_tree(tree_, workspace_.H, workspace_.inverse, workspace_.dv);
     const auto may_step = [&](int l) {
       const LaneProgress& lane = progress_[l];
       return lane.is_busy && !lane.starts_at_velocity && lane.max_iterations > 0;
     };
     const Wide stepping = lanes([&](int l) { return may_step(l) ? 1.0 : 0.0; });
     for (Index k = 0; k < tree_.dofs; ++k) {
-      const Wide step = workspace_.moved[k];
-      workspace_.moved.put(k, select(and_(stepping > Wide(0), finite_(step)), step, Wide(0)));
+      const Wide step = workspace_.dv[k];
+      workspace_.dv.put(k, select(and_(stepping > Wide(0), finite_(step)), step, Wide(0)));
     }
     for (int l = 0; l < kLanes; ++l)
       if (may_step(l)) ++progress_[l].steps;
@@ -239,7 +239,7 @@ class VelocityNewton {
     for_each_part([](const DoublePack<Types>& part) { part.refresh_motion(); });
     pack_.refresh_reactions();
     for_each_part([](const DoublePack<Types>& part) { part.refresh_gradient(); });
-    for (Index k = 0; k < tree_.dofs; ++k) workspace_.moved.put(k, Wide(0));
+    for (Index k = 0; k < tree_.dofs; ++k) workspace_.dv.put(k, Wide(0));
   }
 
   /// Steps without progress before a lane is evaluated. In single precision the gradient that steps add up is rounding
@@ -288,7 +288,7 @@ class VelocityNewton {
     for (Index k = 0; k < tree_.dofs; ++k) workspace_.step.put(k, Wide(0) - workspace_.gradient[k]);
     solve_tree(tree_, workspace_.H, workspace_.inverse, workspace_.step);
     for (Index k = 0; k < tree_.dofs; ++k) workspace_.step.put(k, select(moving, workspace_.step[k], Wide(0)));
-    const Wide descent = pack_.look_along();
+    const Wide descent = pack_.line_products();
     pack_.take_step(pack_.search(moving, descent));
   }
 

@@ -34,7 +34,7 @@ struct WarmGuess {
     const Double led_to =
         (motion(row) - pack.number(workspace.R, row) * reaction(row)) + pack.number(workspace.shift, row);
     pack.put(workspace.z, row, aim);
-    pack.put(workspace.line, row, aim - led_to);
+    pack.put(workspace.Jp, row, aim - led_to);
   }
 
   STICTION_HD void aim_row(Index s, Index row) const {

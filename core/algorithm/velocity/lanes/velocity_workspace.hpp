@@ -23,42 +23,45 @@ struct VelocityWorkspace {
   static constexpr Index kSlips = 6;
   static constexpr Index kDouble = sizeof(Number) == sizeof(double) ? 1 : 2;
 
-  Numbers J;           ///< rows x columns of each slot                           (entries)
-  Numbers z;           ///< J v - target + shift                                  (rows)
-  Numbers x;           ///< reactions                                             (rows)
-  Numbers line;        ///< J p                                                   (rows)
-  Numbers bent;        ///< G J p                                                 (rows)
-  Numbers change;      ///< of the reactions, but for what the quadratic model foresaw  (rows)
-  Numbers target;      ///<                                                       (rows)
-  Numbers shift;       ///< de Saxce's and proximal terms                         (rows)
-  Numbers mu;          ///< of tangential rows; 1 in others                       (rows)
-  Numbers R;           ///<                                                       (rows)
-  Numbers held;        ///< reactions that the proximal term holds on to          (rows)
-  Numbers prox;        ///< what is added to R                                    (rows)
-  Numbers unit;        ///< of a cone: slope of the normal, direction of -z_t     (rows)
-  Numbers law;         ///< RowLaw or ConeLaw                                     (3 slots)
-  Numbers slope;       ///< of a cone: across, slide, bend                        (3 slots)
-  Numbers moved;       ///< by what steps changed v since it was written down     (dofs)
-  Numbers v_free;      ///<                                                       (dofs)
-  Numbers gradient;    ///<                                                       (dofs)
-  Numbers step;        ///<                                                       (dofs)
-  Numbers inverse;     ///< of H's pivots                                         (dofs)
-  Numbers mobility;    ///< of M's pivots                                         (dofs)
-  Numbers M;           ///<                                                       (tree entries)
-  Numbers H;           ///<                                                       (tree entries)
-  double* v;           ///< velocity                                              (dofs; lanes)
-  double* factor;      ///< of M, in double                                       (tree entries; lanes)
-  double* pivot;       ///< inverse pivots of M                                   (dofs; lanes)
-  double* velocity;    ///< v_free + M^-1 J' x                                    (dofs; lanes)
-  double* motion;      ///< of the reactions' rows                                (rows; lanes)
-  double* error_unit;  ///< ErrorScale::unit                                     (1; lanes)
-  double* share;       ///< of each cone's island, over the largest error scale  (slots; lanes)
-  double* axis_press;  ///< ConeMetric's weights of rows                         (rows; lanes)
-  double* axis_slip;   ///<                                                      (rows; lanes)
-  double* diagonal;    ///< of A, row by row of a cone, scaled                    (rows; lanes)
-  double* scratch;     ///<                                                       (dofs; lanes)
-  double* wide_rows;   ///< three rows of J, by depth                             (3 dofs; lanes)
-  double* slip;        ///< de Saxce's terms of the last evaluations              (kSlips; slots; lanes)
+  Numbers J;            ///< rows x columns of each slot                           (entries)
+  Numbers z;            ///< J v - target + shift                                  (rows)
+  Numbers x;            ///< reactions                                             (rows)
+  Numbers Jp;           ///< J times the step                                      (rows)
+  Numbers GJp;          ///< G J times the step                                    (rows)
+  Numbers model_gap;    ///< reactions less what the quadratic model foresaw       (rows)
+  Numbers target;       ///<                                                       (rows)
+  Numbers shift;        ///< de Saxce's and proximal terms                         (rows)
+  Numbers mu;           ///< of tangential rows; 1 in others                       (rows)
+  Numbers R;            ///<                                                       (rows)
+  Numbers prox_center;  ///< reactions that the proximal term holds on to          (rows)
+  Numbers prox;         ///< what is added to R                                    (rows)
+  Numbers G_rows;       ///< G by rows: slope of the first, direction of -z_t      (rows)
+  Numbers law;          ///< RowLaw or ConeLaw                                     (3 slots)
+  Numbers G_cones;      ///< G by cones: across, slide, bend                       (3 slots)
+  Numbers dv;           ///< sum of the steps since v was written down             (dofs)
+  Numbers v_free;       ///<                                                       (dofs)
+  Numbers gradient;     ///<                                                       (dofs)
+  Numbers step;         ///<                                                       (dofs)
+  Numbers inverse;      ///< of H's pivots                                         (dofs)
+  Numbers mobility;     ///< of M's pivots                                         (dofs)
+  Numbers M;            ///<                                                       (tree entries)
+  Numbers H;            ///<                                                       (tree entries)
+  double* v;            ///< velocity                                              (dofs; lanes)
+  double* factor;       ///< of M, in double                                       (tree entries; lanes)
+  double* pivot;        ///< inverse pivots of M                                   (dofs; lanes)
+  double* velocity;     ///< v_free + M^-1 J' x                                    (dofs; lanes)
+  double* motion;       ///< of the reactions' rows                                (rows; lanes)
+  double* error_unit;   ///< ErrorScale::unit                                     (1; lanes)
+  double* share;        ///< of each cone's island, over the largest error scale  (slots; lanes)
+  double* axis_press;   ///< ConeMetric's weights of rows                         (rows; lanes)
+  double* axis_slip;    ///<                                                      (rows; lanes)
+  double* diagonal;     ///< of A, row by row of a cone, scaled                    (rows; lanes)
+  double* scratch;      ///<                                                       (dofs; lanes)
+  double* wide_rows;    ///< three rows of J, by depth                             (3 dofs; lanes)
+  double* slip;         ///< de Saxce's terms of the last evaluations              (kSlips; slots; lanes)
+
+  /// Motion that reactions of zero leave; no step has been made where it is read.
+  [[nodiscard]] STICTION_HD const Numbers& free_motion() const { return model_gap; }
 
   /// Doubles that a workspace takes.
   static STICTION_HD constexpr Offset doubles(const SlotCounts& counts, Index dofs, Index tree_entries) {
@@ -96,10 +99,10 @@ struct VelocityWorkspace {
       return part;
     };
     J = take(counts.entries);
-    for (Numbers* part : {&z, &x, &line, &bent, &change, &target, &shift, &mu, &R, &held, &prox, &unit})
+    for (Numbers* part : {&z, &x, &Jp, &GJp, &model_gap, &target, &shift, &mu, &R, &prox_center, &prox, &G_rows})
       *part = take(counts.rows);
-    for (Numbers* part : {&law, &slope}) *part = take(3 * Offset{counts.slots});
-    for (Numbers* part : {&moved, &v_free, &gradient, &step, &inverse, &mobility}) *part = take(dofs);
+    for (Numbers* part : {&law, &G_cones}) *part = take(3 * Offset{counts.slots});
+    for (Numbers* part : {&dv, &v_free, &gradient, &step, &inverse, &mobility}) *part = take(dofs);
     for (Numbers* part : {&M, &H}) *part = take(tree_entries);
   }
 };

@@ -267,7 +267,7 @@ STICTION_HD_OUTLINE void load_slot(const VelocityWorkspace<Types>& workspace, co
   for (Index row = slot.row; row < slot.row + slot.rows; ++row) {
     workspace.shift.put(row, Wide(0));
     workspace.prox.put(row, Wide(0));
-    workspace.held.put(row, Wide(0));
+    workspace.prox_center.put(row, Wide(0));
   }
   if (slot.rows > 1) return;
   for (int l = 0; l < Types::kLanes; ++l) {

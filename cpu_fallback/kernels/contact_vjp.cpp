@@ -1,0 +1,65 @@
+#include "cpu_fallback/tables/contact_vjp.hpp"
+
+#include "core/algorithm/derivative/vjp_pack.hpp"
+#include "cpu_fallback/pack/pack_width.hpp"
+
+namespace stiction::inline STICTION_ISA {
+
+namespace {
+
+template <class Real>
+bool takes(const VjpJob<Real>& job, Offset env) {
+  const Index rows = job.batch.env_rows(env);
+  if (rows < 1 || rows > kMostVjpRows || job.batch.env_dofs(env) > 0) return false;
+  return has_full_rows(slice_problem(job.batch, job.law, env));
+}
+
+#if STICTION_VECTOR_BYTES > 0
+constexpr int kWidth = kSinglesAlone ? 1 : kPackWidth<double>;
+constexpr Index kFewest = kWidth > 4 ? 3 : 2;  // fewer take longer in a pack than one by one
+
+/// Packs of environments that follow one another. One whose cones would leave too much of the others' lanes empty
+/// begins the next pack.
+template <class Real>
+void vjp_packs(const VjpJob<Real>& job, const Offset* envs, Offset count, std::uint8_t* answered,
+               cpu::Scratch& scratch) {
+  const ContactBatchView<Real>& batch = job.batch;
+  for (Offset first = 0; first < count;) {
+    VjpSlots slots;
+    Index most_cones = 0, most_rows = 0, members = 0;
+    for (; members < kWidth && first + members < count; ++members) {
+      const Offset env = envs[first + members];
+      const Offset* const cone_rows = batch.cone_row_offsets + batch.env_cone_offsets[env];
+      const Index cones = batch.env_cones(env), rows = batch.env_rows(env);
+      const Index larger = max_(rows, most_rows);
+      const auto size = [&](Index cone) { return static_cast<Index>(cone_rows[cone + 1] - cone_rows[cone]); };
+      if (!slots.take(cones, size, larger + larger / 2)) break;
+      most_rows = larger;
+      most_cones = max_(cones, most_cones);
+    }
+    if (members >= kFewest) {
+      using Workspace = VjpWorkspace<Real, kWidth>;
+      const Index rows = slots.rows();
+      const Workspace workspace(scratch.reserve<double>(Workspace::elements(rows, most_cones)), rows, most_cones);
+      VjpPack<Real, kWidth>(job, envs + first, members, slots, workspace).run(answered);
+    }
+    first += max_(members, 1);
+  }
+}
+#endif
+
+template <class Real>
+cpu::VjpPackKernel<Real> kernel() {
+#if STICTION_VECTOR_BYTES > 0
+  if constexpr (kWidth > 1) return {kWidth, takes<Real>, vjp_packs<Real>};
+#endif
+  return {};
+}
+
+}  // namespace
+
+cpu::VjpPackKernelSet vjp_pack_kernels() {
+  return {kernel<float>(), kernel<double>()};
+}
+
+}  // namespace stiction::inline STICTION_ISA

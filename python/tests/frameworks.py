@@ -1,0 +1,17 @@
+"""Packages of tools/requirements-frameworks.txt, gigabytes that scripts/test.sh leaves out unless it is told --frameworks."""
+
+import importlib
+
+import pytest
+
+
+def framework(name, what="stiction with its arrays"):
+    """The module `name`. Where it is missing or does not load, who asks is skipped: a test, or all tests of a module. The
+    reason names the command that installs it."""
+    try:
+        return importlib.import_module(name)
+    except ModuleNotFoundError:
+        lacking = f"there is no {name}"
+    except (ImportError, OSError) as error:
+        lacking = f"{name} does not load ({error})"
+    pytest.skip(f"{what} NOT tested, {lacking}: scripts/test.sh --frameworks", allow_module_level=True)

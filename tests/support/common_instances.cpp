@@ -1,0 +1,14 @@
+#include "tests/support/common_headers.hpp"
+
+template class std::vector<char>;
+template class std::vector<unsigned char>;
+template class std::vector<int>;
+template class std::vector<long>;
+template class std::vector<unsigned long>;
+template class std::vector<float>;
+template class std::vector<double>;
+template class std::vector<std::string>;
+template class std::vector<stiction::EnvStatus>;
+template class std::vector<stiction::ConeKind>;
+template class std::vector<stiction::Environment<double>>;
+template class std::vector<stiction::Environment<double>::Cone>;
