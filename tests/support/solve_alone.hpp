@@ -38,7 +38,7 @@ Solution<Real> solve_alone(const ContactBatch<Real>& batch, const SolverOptions&
                       view.law}};
   job.direct_rows = rules.direct_rows;
   const cpu::KernelSet set = cpu::best_isa().kernels(options.solver);
-  const cpu::SingleKernels<Real>& kernels = set.single.of<Real>(view.law);
+  const cpu::SingleKernels<Real>& kernels = cpu::of_precision<Real>(set.single);
   std::vector<Real> memory(static_cast<std::size_t>(kernels.elements(job, environment)),
                            static_cast<Real>(__builtin_nan("")));
   kernels.solve(job, environment, memory.data());

@@ -6,7 +6,6 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
-#include <type_traits>
 #include <vector>
 
 #include "core/algorithm/velocity/evaluate/velocity_result.hpp"
@@ -91,20 +90,12 @@ class OverwrittenScratch {
   cpu::VelocityScratch scratch_;
 };
 
-template <class Real>
-cpu::VelocityKernels<Real> kernels_of(const cpu::Isa& isa) {
-  if constexpr (std::is_same_v<Real, float>) {
-    return isa.velocity().f32;
-  } else {
-    return isa.velocity().f64;
-  }
-}
-
 /// By the library's kernels of one build, which make a pack of `count` environments.
 template <class Real>
 Answers<Real> solve_by(const cpu::Isa& isa, std::size_t count, const JacobianBatch<Real>& batch,
                        const std::vector<Offset>& order, double tolerance, const JacobianStart<Real>& start = {}) {
-  const cpu::VelocityKernels<Real> kernels = kernels_of<Real>(isa);
+  const cpu::VelocityKernelSet set = isa.velocity();
+  const cpu::VelocityKernels<Real>& kernels = cpu::of_precision<Real>(set);
   OverwrittenScratch scratch;
   return solve_in_groups(batch, order, count, tolerance, start, [&](const auto& job, const auto& members) {
     kernels.solve(job, members.data(), static_cast<Offset>(members.size()), scratch.overwritten());
@@ -116,7 +107,7 @@ Answers<Real> solve_by(const cpu::Isa& isa, std::size_t count, const JacobianBat
 template <class Real>
 Answers<Real> solve_one_by_one(const JacobianBatch<Real>& batch, const std::vector<Offset>& order, double tolerance,
                                const JacobianStart<Real>& start = {}) {
-  return solve_by(*cpu::find_isa("baseline"), 1, batch, order, tolerance, start);
+  return solve_by(cpu::best_isa(), 1, batch, order, tolerance, start);
 }
 
 /// Each by itself, as one of more degrees of freedom than a word has bits is.
@@ -134,7 +125,7 @@ inline Answers<double> solve_with_large_sets(const JacobianBatch<double>& batch,
 template <class Number, class Real>
 Answers<Real> solve_in_packs(const cpu::Isa& isa, const JacobianBatch<Real>& batch, const std::vector<Offset>& order,
                              double tolerance, const JacobianStart<Real>& start = {}) {
-  const Index width = kernels_of<Number>(isa).width;
+  const Index width = cpu::of_precision<Number>(isa.velocity()).width;
   return solve_by(isa, static_cast<std::size_t>(std::max<Index>(width, 3)), batch, order, tolerance, start);
 }
 
