@@ -16,7 +16,7 @@ inline constexpr int kExitDone = 0;
 inline constexpr int kExitMissed = 1;    ///< an environment missed the tolerance, or a difference was found
 inline constexpr int kExitBadInput = 2;  ///< bad input or usage, with one sentence on stderr
 
-/// Version of the JSON reports (docs/cli.md); it changes when a key changes its name or meaning.
+/// Version of the JSON reports (docs/reference/cli.md); it changes when a key changes its name or meaning.
 inline constexpr int kReportSchemaVersion = 2;
 
 struct InfoArguments {

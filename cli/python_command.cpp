@@ -20,7 +20,7 @@ try:
 except ModuleNotFoundError as missing:
     if missing.name != "stiction":
         raise
-    print("stiction: view and report need the Python package, which python3 has not: see docs/install.md", file=sys.stderr)
+    print("stiction: view and report need the Python package, which python3 has not: see docs/howto/install.md", file=sys.stderr)
     sys.exit(2)
 sys.exit(main())
 )";

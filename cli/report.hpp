@@ -54,7 +54,7 @@ struct SolveReport {
   void count(std::span<const EnvStatus> status);
 };
 
-/// The JSON of design section 4 (keys: docs/cli.md), closed by a line feed.
+/// The JSON of design section 4 (keys: docs/reference/cli.md), closed by a line feed.
 std::string to_json(const SolveReport& report);
 /// The table a person reads.
 std::string to_text(const SolveReport& report);

@@ -48,7 +48,7 @@ struct ScalingReport {
   [[nodiscard]] bool bits_agree() const;
 };
 
-/// The JSON of docs/cli.md, closed by a line feed.
+/// The JSON of docs/reference/cli.md, closed by a line feed.
 std::string to_json(const ScalingReport& report);
 /// The tables a person reads.
 std::string to_text(const ScalingReport& report);

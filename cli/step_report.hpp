@@ -49,7 +49,7 @@ struct StepReport {
 int exit_status(const StepReport& report);
 /// As to_json gives it to dump().
 Json json_of(const StepReport& report);
-/// Keys: docs/cli.md. Closed by a line feed.
+/// Keys: docs/reference/cli.md. Closed by a line feed.
 std::string to_json(const StepReport& report);
 /// The table a person reads.
 std::string to_text(const StepReport& report);

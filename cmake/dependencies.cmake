@@ -9,7 +9,7 @@ find_package(rapidcheck QUIET CONFIG)
 find_package(benchmark QUIET CONFIG)
 find_package(Eigen3 3.4 QUIET NO_MODULE)
 
-# Orderings of sparse rows (docs/design/0006); neither package brings a CMake file of its own.
+# Orderings of sparse rows (docs/explanation/design/0006); neither package brings a CMake file of its own.
 find_path(STICTION_AMD_INCLUDE_DIR amd.h PATH_SUFFIXES suitesparse)
 find_library(STICTION_AMD_LIBRARY amd)
 find_path(STICTION_METIS_INCLUDE_DIR metis.h)
@@ -44,7 +44,7 @@ if(NOT STICTION_ENABLE_TBB STREQUAL "OFF")
   endif()
 endif()
 
-# MPI's C interface, which C++ calls (docs/ranks.md).
+# MPI's C interface, which C++ calls (docs/howto/ranks.md).
 set(STICTION_HAS_MPI OFF)
 if(NOT STICTION_ENABLE_MPI STREQUAL "OFF")
   find_package(MPI QUIET COMPONENTS C)
@@ -56,8 +56,9 @@ if(NOT STICTION_ENABLE_MPI STREQUAL "OFF")
   endif()
 endif()
 
-# Parallel HDF5 for checkpoints of stiction-mpi (docs/ranks.md). It takes the place of the serial library in that program, which
-# is compiled with the serial one's headers: so the two have to be of one version, and of the MPI that was found.
+# Parallel HDF5 for checkpoints of stiction-mpi (docs/howto/ranks.md). It takes the place of the serial library in that
+# program, which is compiled with the serial one's headers: so the two have to be of one version, and of the MPI that
+# was found.
 set(STICTION_HAS_PARALLEL_HDF5 OFF)
 if(STICTION_PARALLEL_HDF5 AND STICTION_HAS_MPI AND HDF5_FOUND)
   if(HDF5_IS_PARALLEL)
@@ -96,8 +97,8 @@ if(STICTION_BUILD_TESTS AND NOT GTest_FOUND)
   set(STICTION_BUILD_TESTS OFF)
 endif()
 
-# stiction_not_built(what why): a test that reports as skipped what this build leaves out, so that a run of the tests counts it
-# (tools/test_summary.py). Without a test that runs there is nothing to count.
+# stiction_not_built(what why): a test that reports as skipped what this build leaves out, so that a run of the tests
+# counts it (tools/test_summary.py). Without a test that runs there is nothing to count.
 function(stiction_not_built what why)
   if(STICTION_BUILD_TESTS)
     string(TOLOWER "${what}" name)

@@ -1,7 +1,7 @@
-# The floating-point policy, in one place (reasons: docs/numerics.md). Every target that compiles an algorithm links it,
-# and it is an interface of the header target, because one translation unit built otherwise is enough to change bits.
-#   contract off   a compiler may fuse a*b+c on one machine and not on another; fused is only what says fma_()
-#   no errno/traps what lets sqrt and selects vectorise; changes no value
+# The floating-point policy, in one place (reasons: docs/explanation/numerics.md). Every target that compiles an
+# algorithm links it, and it is an interface of the header target, because one translation unit built otherwise is
+# enough to change bits.   contract off   a compiler may fuse a*b+c on one machine and not on another; fused is only
+# what says fma_()   no errno/traps what lets sqrt and selects vectorise; changes no value
 #   no SLP (GCC)   GCC 12 fuses a difference and a sum of products that lie side by side into vfmaddsub or vfmsubadd,
 #                  whatever -ffp-contract says; only its vectoriser of straight-line code does it. The gate `fused_gate`
 #                  reads every object for what was not written
@@ -22,8 +22,8 @@ foreach(flags IN ITEMS "${CMAKE_CXX_FLAGS}" "${CMAKE_CXX_FLAGS_RELEASE}" "${CMAK
 endforeach()
 
 # stiction_keep_lines(target ...): which line each instruction came from, so that tools/check_fused.py can tell a fused
-# operation that fma_() asked for from one that a compiler made. Changes no instruction. The lines are of /stiction, wherever
-# the tree lies: ccache may hand an object of one clone to another.
+# operation that fma_() asked for from one that a compiler made. Changes no instruction. The lines are of /stiction,
+# wherever the tree lies: ccache may hand an object of one clone to another.
 set(STICTION_KEEP_LINES AUTO CACHE STRING
     "Keep the lines that instructions came from, which the gate of fused operations reads: ON, OFF, or AUTO, where tests are built")
 set_property(CACHE STICTION_KEEP_LINES PROPERTY STRINGS AUTO ON OFF)
@@ -31,8 +31,8 @@ set(_stiction_keeps_lines ${STICTION_KEEP_LINES})
 if(STICTION_KEEP_LINES STREQUAL "AUTO")
   set(_stiction_keeps_lines ${STICTION_BUILD_TESTS})
 endif()
-# The baseline of x86-64 has no fused operation: unless the whole build is for a newer processor, only sets with vectors of
-# their own have lines, and all else is one object with lines and without.
+# The baseline of x86-64 has no fused operation: unless the whole build is for a newer processor, only sets with vectors
+# of their own have lines, and all else is one object with lines and without.
 set(_stiction_fuses_anywhere ON)
 if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64" AND NOT "${CMAKE_CXX_FLAGS} ${CMAKE_CXX_FLAGS_RELEASE}" MATCHES "-m(arch|fma|avx)")
   set(_stiction_fuses_anywhere OFF)

@@ -1,5 +1,6 @@
-# The solvers of contact batches, in the order of SolverKind (core/include/stiction/types.hpp). A new one is one line here and
-# one there (docs/writing_a_solver.md). Solvers of bodies have kernels of another form and are not of this list.
+# The solvers of contact batches, in the order of SolverKind (core/include/stiction/types.hpp). A new one is one line
+# here and one there (docs/tutorials/writing_a_solver.md). Solvers of bodies have kernels of another form and are not of
+# this list.
 include(stiction_add_solver)
 
 stiction_add_solver(pgs Pgs WIDE_PACKS)

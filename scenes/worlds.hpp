@@ -6,7 +6,7 @@
 
 #include "stiction/world.hpp"
 
-/// Worlds to step (docs/stepping.md): what `stiction step` runs.
+/// Worlds to step (docs/howto/stepping.md): what `stiction step` runs.
 namespace stiction::scenes {
 
 /// Positions, orientations and twists of one environment's bodies, shapes as in WorldState.
@@ -21,7 +21,7 @@ struct WorldScene {
   int size = 0;           ///< bodies, where that can be chosen; 0: it cannot
 };
 
-/// The names there are, in the order of docs/stepping.md.
+/// The names there are, in the order of docs/howto/stepping.md.
 std::vector<std::string> world_names();
 
 /// `size` bodies where the scene leaves that open; 0: as many as it has by itself. \throws Error(invalid_argument) for

@@ -4,8 +4,9 @@
 #
 #   scripts/prebuild_cuda.sh [ARCHIVE]       default: .carry/stiction_cuda_sm90.tar.xz
 #
-# An hour of one core, so at the lowest priority. Each object is kept in build-prebuilt/ as it is done: a second call goes
-# on where the first was stopped, and later compiles what has changed. STICTION_PREBUILD_JOBS says how many at a time.
+# An hour of one core, so at the lowest priority. Each object is kept in build-prebuilt/ as it is done: a second call
+# goes on where the first was stopped, and later compiles what has changed. STICTION_PREBUILD_JOBS says how many at a
+# time.
 set -euo pipefail
 # shellcheck source-path=SCRIPTDIR source=common.sh
 . "$(dirname "${BASH_SOURCE[0]}")/common.sh"
@@ -28,8 +29,8 @@ nvcc=$("$CUDACXX" --version | sed -n 's/.*, V\([0-9.]*\)$/\1/p')
 python3 "$root/tools/prebuilt_cuda.py" pack "$folder" "$archive" --nvcc "$nvcc" --architectures 90
 note "$((SECONDS - begin)) s"
 
-# What the solvers' machine code needs must not have grown (docs/numerics.md); a table of another nvcc is skipped. nvcc
-# compresses large objects, which cuobjdump reads (PyPI: nvidia-cuda-cuobjdump).
+# What the solvers' machine code needs must not have grown (docs/explanation/numerics.md); a table of another nvcc is
+# skipped. nvcc compresses large objects, which cuobjdump reads (PyPI: nvidia-cuda-cuobjdump).
 command -v cuobjdump > /dev/null || { note "no cuobjdump: the budgets of the solvers are not compared"; exit 0; }
 mapfile -t solvers < <(printf '%s\n' "${objects[@]}" | grep stiction_cuda_translated | sed "s#^#$folder/#")
 status=0

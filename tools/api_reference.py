@@ -45,9 +45,9 @@ class Interface:
 
 CPP = Interface("C++", "docs/cpp", "docs/cpp_api.md", "core/include/stiction", "*.hpp", "stiction/",
                 "Every name of the C++ interface, by header; all are in namespace `stiction`. Begin with the\n"
-                "[first program](../examples/01_hello_batch.cpp) and [data layout](data_layout.md).")
+                "[first program](../examples/01_hello_batch.cpp) and [data layout](reference/data_layout.md).")
 C = Interface("C", "docs/c", "docs/c_names.md", "c_api/include", "*.h*", "",
-              "Every name of the C interface, by header. [The C interface](c_api.md) has what holds for all of them.")
+              "Every name of the C interface, by header. [The C interface](reference/c_api.md) has what holds for all of them.")
 
 
 @dataclasses.dataclass

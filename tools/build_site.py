@@ -246,7 +246,7 @@ def undocumented():
 def api_page():
     """One directive for each module."""
     parts = [f"## {name}\n\n::: {name}\n    options:\n      heading_level: 3\n" for name in modules()]
-    return "# The Python package, every name\n\nWith examples: [Python](python.md).\n\n" + "\n".join(parts)
+    return "# The Python package, every name\n\nWith examples: [Python](reference/python.md).\n\n" + "\n".join(parts)
 
 
 def configuration(stage, site, references):

@@ -4,7 +4,7 @@
     check_fused.py [--objdump PROGRAM] OBJECT ...
     check_fused.py --self-test
 
-Fused is only what says fma_() (docs/numerics.md, rule 3), but compilers fuse in spite of -ffp-contract=off. GCC 12
+Fused is only what says fma_() (docs/explanation/numerics.md, rule 3), but compilers fuse in spite of -ffp-contract=off. GCC 12
 does where its vectoriser of straight-line code puts a sum and a difference of products side by side. So every fused
 instruction of x86 or AArch64 is looked up in the object's line table (-g1, which changes no instruction). What a compiler fuses
 has the line of the sum, so a line with a binary + or - and without fma_() is a finding. What fma_() requested keeps

@@ -8,7 +8,7 @@ is written.
 
 The PTX that is checked is the text from which ptxas made the machine code beside it. Nothing is compiled again, and no
 GPU is needed. Every object must hold PTX for every architecture named, with every kernel of its machine code. The
-compile commands show what PTX does not: the flags. Why these rules: docs/numerics.md. Exit status 1 on a finding.
+compile commands show what PTX does not: the flags. Why these rules: docs/explanation/numerics.md. Exit status 1 on a finding.
 """
 
 import argparse

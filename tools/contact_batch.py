@@ -1,4 +1,4 @@
-"""Contact systems in NumPy: their residual, and the contact-batch file that holds many of them (docs/file_formats.md).
+"""Contact systems in NumPy: their residual, and the contact-batch file that holds many of them (docs/reference/file_formats.md).
 
 Needs numpy and h5py (tools/requirements.txt).
 """

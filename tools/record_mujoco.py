@@ -8,7 +8,7 @@ Simulations start from the model's first state (or a keyframe) disturbed by --pe
 with elliptic friction cones. Every --every steps the constraint system of that instant becomes one environment of the
 file. With it goes MuJoCo's own solution at a tight tolerance. With --trajectory, consecutive steps of one simulation
 of each model are recorded, step by step, with ids by which a contact is found again. Everything that is random comes
-from --seed: the same command writes the same bytes. docs/recording.md explains the numbers.
+from --seed: the same command writes the same bytes. docs/howto/recording.md explains the numbers.
 
 Exit status: 0 written; 1 written, but with fewer environments than asked for (the reason is printed); 2 bad
 input or usage, with one sentence. Needs numpy, h5py and mujoco >= 3 (tools/requirements.txt).

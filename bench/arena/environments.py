@@ -1,4 +1,4 @@
-"""Environments of contact-batch files, one at a time, and batches made of them (docs/file_formats.md)."""
+"""Environments of contact-batch files, one at a time, and batches made of them (docs/reference/file_formats.md)."""
 
 import dataclasses
 

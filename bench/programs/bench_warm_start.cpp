@@ -44,7 +44,7 @@ Trajectory load(const std::string& path) {
   if (together == 0 || envs % together != 0 || file.dt.empty() || file.cone_id.empty())
     throw Error(ErrorCode::bad_file, path +
                                          ": not a trajectory: it needs step, dt and cone_id, and as many environments "
-                                         "in every step (docs/file_formats.md)");
+                                         "in every step (docs/reference/file_formats.md)");
   Trajectory trajectory;
   for (std::size_t first = 0; first < envs; first += together) {
     std::vector<Offset> order(together);

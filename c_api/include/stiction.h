@@ -2,7 +2,7 @@
 
 /** \file
  * The C interface of stiction: many environments' frictional contact problems, solved in one call, with the same bits
- * on every device (docs/c_api.md). C99 and C++.
+ * on every device (docs/reference/c_api.md). C99 and C++.
  *
  * Calls return a stiction_code and let no exception out; what went wrong is in stiction_last_error() of the same
  * thread. A call that failed has written nothing, unless the device itself failed. Numerical trouble is no failure: it
@@ -42,7 +42,7 @@ extern "C" {
 STICTION_API const char* stiction_version(void);
 /** STICTION_ABI_VERSION that the library was built with: the number in the name libstiction.so.N. */
 STICTION_API int32_t stiction_abi_version(void);
-/** Numerics epoch: results keep their bits within one (docs/numerics.md). */
+/** Numerics epoch: results keep their bits within one (docs/explanation/numerics.md). */
 STICTION_API int32_t stiction_epoch(void);
 
 /** What the last call that failed on this thread had to say; "" if none did. Valid until the next failure here. */
@@ -90,7 +90,8 @@ STICTION_API stiction_code stiction_body_solution_init(stiction_body_solution* s
 /** Sets up options of a warm start with its defaults. */
 STICTION_API stiction_code stiction_warm_start_options_init(stiction_warm_start_options* options, size_t size);
 
-/** Options of a preset: "navigation", "locomotion", "grasping", "assembly" (docs/cli.md). `options` was set up before.
+/** Options of a preset: "navigation", "locomotion", "grasping", "assembly" (docs/reference/cli.md). `options` was set
+ * up before.
  */
 STICTION_API stiction_code stiction_solver_options_preset(stiction_solver_options* options, const char* preset);
 /** Capacity that a batch in host memory needs. `capacity` was set up before. */
@@ -136,7 +137,7 @@ STICTION_API stiction_code stiction_worst_contacts(const stiction_batch_view* ba
 /** Hash of the bits of an array on the host, the one that the command line prints. precision: stiction_precision. */
 STICTION_API stiction_code stiction_hash(int32_t precision, const void* values, int64_t count, uint64_t* hash);
 
-/* ---- Jacobian batches: J, M and velocities (docs/jacobian.md) ---- */
+/* ---- Jacobian batches: J, M and velocities (docs/howto/jacobian.md) ---- */
 
 /** Room that a host batch needs. `capacity` was set up before, and its factor_use is read. */
 STICTION_API stiction_code stiction_jacobian_capacity_of(const stiction_jacobian_view* batch,
@@ -158,7 +159,7 @@ STICTION_API stiction_code stiction_jacobian_solver_solve(stiction_jacobian_solv
                                                           const stiction_jacobian_solution* solution,
                                                           const void* warm_start, void* stream);
 /** Solves as stiction_jacobian_solver_solve, from velocities too (Real, dof_count, same memory; null: without). They
- * may be the solution's own: docs/jacobian.md. */
+ * may be the solution's own: docs/howto/jacobian.md. */
 STICTION_API stiction_code stiction_jacobian_solver_solve_from(stiction_jacobian_solver* solver,
                                                                const stiction_jacobian_view* batch,
                                                                const stiction_jacobian_solution* solution,
@@ -226,7 +227,7 @@ STICTION_API stiction_code stiction_derivative_unrolled_vjp(
 /** Returns when what was queued on `stream` is done; at once on the CPU. */
 STICTION_API stiction_code stiction_derivative_synchronize(stiction_derivative* derivative, void* stream);
 
-/* ---- Bodies and contact points (docs/bodies.md) ---- */
+/* ---- Bodies and contact points (docs/howto/bodies.md) ---- */
 
 /** Makes a solver. stepping and options may be null: defaults. */
 STICTION_API stiction_code stiction_body_solver_create(const char* device, const stiction_time_stepping* stepping,
@@ -245,7 +246,7 @@ STICTION_API stiction_code stiction_body_solver_solve(stiction_body_solver* solv
                                                       const stiction_body_solution* solution, const void* warm_start,
                                                       void* stream);
 
-/* ---- A simulation loop: reactions stored by contact id (docs/warm_start.md) ---- */
+/* ---- A simulation loop: reactions stored by contact id (docs/howto/warm_start.md) ---- */
 
 /** Makes a solver for batches of capacity->precision with at most the capacity's envs, rows and cones. options and
  * warm_start may be null: defaults. */
@@ -301,7 +302,7 @@ STICTION_API stiction_code stiction_stepping_solver_records(stiction_stepping_so
 /** Returns when what was queued on `stream` is done; at once on the CPU. */
 STICTION_API stiction_code stiction_stepping_solver_synchronize(stiction_stepping_solver* solver, void* stream);
 
-/* ---- Files (docs/file_formats.md); STICTION_UNSUPPORTED from a library built without HDF5 ---- */
+/* ---- Files (docs/reference/file_formats.md); STICTION_UNSUPPORTED from a library built without HDF5 ---- */
 
 /** Reads a contact-batch or FCLIB file. */
 STICTION_API stiction_code stiction_batch_read(const char* path, stiction_batch** batch);

@@ -1,14 +1,14 @@
 #pragma once
 
 /** \file
- * Structs of bodies; included by stiction.h. What they mean in full: docs/bodies.md. */
+ * Structs of bodies; included by stiction.h. What they mean in full: docs/howto/bodies.md. */
 
 #include <stddef.h>
 #include <stdint.h>
 
 #include "stiction_structs.h"
 
-/** How a step becomes b and R (docs/bodies.md). */
+/** How a step becomes b and R (docs/howto/bodies.md). */
 typedef struct stiction_time_stepping {
   size_t size;                  /**< sizeof of the struct that the caller has */
   double dt;                    /**< the step, > 0 [s] */

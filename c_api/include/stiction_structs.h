@@ -1,7 +1,8 @@
 #pragma once
 
 /** \file
- * Numbers and structs of the C interface; included by stiction.h. What a field means in full: docs/data_layout.md. */
+ * Numbers and structs of the C interface; included by stiction.h. What a field means in full:
+ * docs/reference/data_layout.md. */
 
 #include <stddef.h>
 #include <stdint.h>
@@ -59,7 +60,7 @@ typedef enum stiction_invalid_policy {
   STICTION_INVALID_ISOLATE = 1 /**< that environment is flagged and gets zeros; the others are solved */
 } stiction_invalid_policy;
 
-/** How the islands of an environment are iterated (docs/islands.md). */
+/** How the islands of an environment are iterated (docs/howto/islands.md). */
 typedef enum stiction_islands {
   STICTION_ISLANDS_TOGETHER = 0, /**< as one system */
   STICTION_ISLANDS_APART = 1     /**< each as an environment of its own would be */
@@ -72,11 +73,11 @@ typedef enum stiction_mass_form {
 /** Which environments of a Jacobian batch keep A as a factor. */
 typedef enum stiction_factor_use {
   STICTION_FACTOR_NEVER = 0,   /**< none */
-  STICTION_FACTOR_BY_SIZE = 1, /**< those of many rows and few degrees of freedom (docs/jacobian.md) */
+  STICTION_FACTOR_BY_SIZE = 1, /**< those of many rows and few degrees of freedom (docs/howto/jacobian.md) */
   STICTION_FACTOR_ALWAYS = 2   /**< all that have degrees of freedom */
 } stiction_factor_use;
 
-/** How bodies are solved (docs/bodies.md). */
+/** How bodies are solved (docs/howto/bodies.md). */
 typedef enum stiction_body_method {
   STICTION_BODY_IMPULSES = 0, /**< sequential impulses */
   STICTION_BODY_NEWTON = 1    /**< inexact Newton's method on the bodies' velocities */
@@ -112,7 +113,7 @@ typedef enum stiction_ordering {
   STICTION_ORDERING_NESTED_DISSECTION = 4           /**< METIS, with a fixed seed */
 } stiction_ordering;
 
-/** What a change of the time step does to a stored reaction (docs/warm_start.md). */
+/** What a change of the time step does to a stored reaction (docs/howto/warm_start.md). */
 typedef enum stiction_step_scaling {
   STICTION_STEP_CAPPED = 0,      /**< min(1, dt_prev / dt) */
   STICTION_STEP_NONE = 1,        /**< 1 */
@@ -188,7 +189,7 @@ typedef struct stiction_worst_contact {
 typedef struct stiction_warm_start_record {
   int32_t hits;       /**< cones of the last step that started from a stored reaction */
   int32_t misses;     /**< cones of the last step that started from zero */
-  uint32_t flags;     /**< WarmStartFlag bits (docs/warm_start.md) */
+  uint32_t flags;     /**< WarmStartFlag bits (docs/howto/warm_start.md) */
   uint32_t too_large; /**< steps in which it did not fit */
 } stiction_warm_start_record;
 

@@ -1,7 +1,7 @@
 #pragma once
 
-/// Namespace of everything that is compiled once per instruction set (docs/design/0004). Two builds of one text must
-/// never share a symbol, or the linker could hand AVX2 code to a CPU without it.
+/// Namespace of everything that is compiled once per instruction set (docs/explanation/design/0004). Two builds of one
+/// text must never share a symbol, or the linker could hand AVX2 code to a CPU without it.
 #ifndef STICTION_ISA
 #define STICTION_ISA isa_baseline
 #endif

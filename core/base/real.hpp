@@ -9,9 +9,9 @@
 #error "stiction promises the same bits everywhere; relaxed floating-point flags break that promise. Remove them."
 #endif
 
-/// Every rounding of the algorithms goes through these functions (docs/numerics.md). Plain + - * are written as such;
-/// with contraction off each is one IEEE-754 rounding on every machine. Comparisons with NaN are false, and the
-/// selects below therefore have one meaning everywhere, unlike the libraries' minima and maxima.
+/// Every rounding of the algorithms goes through these functions (docs/explanation/numerics.md). Plain + - * are
+/// written as such; with contraction off each is one IEEE-754 rounding on every machine. Comparisons with NaN are
+/// false, and the selects below therefore have one meaning everywhere, unlike the libraries' minima and maxima.
 namespace stiction::inline STICTION_ISA {
 
 /// The scalar type of one lane, the type of a comparison of T, and that of a count of something in every lane.

@@ -13,7 +13,7 @@ struct PushedBodies {
 };
 
 /// Writes the colour of each vertex, and returns how many colours there are. Some may have no vertex: ranks that plan a
-/// scene together see a part of it each (docs/ranks.md).
+/// scene together see a part of it each (docs/howto/ranks.md).
 using ColorVertices = std::function<Index(std::span<const PushedBodies> vertices, std::span<Index> colors)>;
 
 /// Plans a host batch of one environment as make_body_plan() does, with colours that the caller chooses. Vertices are

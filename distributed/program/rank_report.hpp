@@ -40,7 +40,7 @@ struct StepJobReport {
   std::vector<StepRankReport> ranks;
 };
 
-/// The JSON of docs/ranks.md, closed by a line feed.
+/// The JSON of docs/howto/ranks.md, closed by a line feed.
 std::string to_json(const JobReport& report);
 std::string to_json(const StepJobReport& report);
 /// The table that is printed.

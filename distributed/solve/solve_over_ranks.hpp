@@ -7,7 +7,7 @@
 #include "distributed/transport/transport.hpp"
 #include "stiction/bodies.hpp"
 
-/// Sequential impulses of one scene over several ranks, with the bits of one process (docs/ranks.md).
+/// Sequential impulses of one scene over several ranks, with the bits of one process (docs/howto/ranks.md).
 namespace stiction::distributed {
 
 /// What one rank did, all environments together.

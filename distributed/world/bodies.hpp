@@ -7,7 +7,7 @@
 #include "core/machine/world_arrays.hpp"
 #include "core/runtime/world/world_model.hpp"
 
-/// Bodies and contacts of one rank of a world that no rank holds as a whole (docs/ranks.md).
+/// Bodies and contacts of one rank of a world that no rank holds as a whole (docs/howto/ranks.md).
 namespace stiction::distributed {
 
 /// What the next step depends on of one body: shapes and units of WorldCheckpoint.

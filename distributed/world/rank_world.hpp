@@ -22,7 +22,7 @@ struct StepTraffic {
 
 /// One environment of a World over ranks, with its bits. A rank holds the bodies that it owns, and ghosts while a step
 /// lasts. It finds the contacts of its bodies, colours them together with the others, and moves its bodies
-/// (docs/ranks.md). Calls are made by all ranks together; what throws RankLost is said there.
+/// (docs/howto/ranks.md). Calls are made by all ranks together; what throws RankLost is said there.
 template <class Real>
 class RankWorld {
  public:

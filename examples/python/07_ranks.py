@@ -3,7 +3,7 @@
     torchrun --nproc-per-node 2 examples/python/07_ranks.py
     srun --ntasks 2 python examples/python/07_ranks.py --master node01:29500
 
-Needs rsl-rl-lib, tensordict, gymnasium, mujoco. docs/clusters.md.
+Needs rsl-rl-lib, tensordict, gymnasium, mujoco. docs/howto/clusters.md.
 """
 
 import argparse

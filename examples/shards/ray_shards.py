@@ -2,7 +2,7 @@
 
     python examples/shards/ray_shards.py BATCH SOLUTION [--parts 8] [--cpus 8] [-- options of stiction solve]
 
-Needs ray, and a folder for the parts that all workers see: SOLUTION's. docs/shards.md.
+Needs ray, and a folder for the parts that all workers see: SOLUTION's. docs/howto/shards.md.
 """
 
 import argparse

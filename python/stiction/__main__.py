@@ -1,5 +1,5 @@
 """The command `stiction` of the Python package: `view` and `report`. Every other command is the C++ program's, which
-this one starts where it is on the path. docs/view.md.
+this one starts where it is on the path. docs/howto/view.md.
 
     stiction view BATCH.h5 -o batch.html
     stiction report RUN.json
@@ -42,7 +42,7 @@ def main(arguments: list[str] | None = None) -> int:
         os.execv(program, [program, *arguments])
     if name in ("-h", "--help"):
         print("\n".join(["usage: stiction COMMAND ...", "", *(f"  {key:<8}{text}" for key, text in _COMMANDS.items()), "",
-                         "Every other command is the C++ program's, which is not on the path: docs/install.md."]))
+                         "Every other command is the C++ program's, which is not on the path: docs/howto/install.md."]))
         return 0
     print(f"stiction: {name}: expected {' or '.join(_COMMANDS)}; other commands are the C++ program's, which is not on the "
           "path", file=sys.stderr)

@@ -1,4 +1,4 @@
-"""Environments over the processes of a training job, as torchrun, srun or mpirun start them. docs/clusters.md.
+"""Environments over the processes of a training job, as torchrun, srun or mpirun start them. docs/howto/clusters.md.
 
     shard = stiction.distributed.Shard.per_rank(256)       # this process's 256 of all environments
     envs = stiction.envs.MujocoVectorEnv("Ant", shard=shard)

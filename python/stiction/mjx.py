@@ -5,7 +5,7 @@
     stiction.jax.status(status)["residual"]
 
 MJX has room for all contacts that a model can have. Those that do not touch are rows of zeros here, as they are there.
-docs/mujoco_warp.md.
+docs/howto/mujoco_warp.md.
 """
 
 from __future__ import annotations

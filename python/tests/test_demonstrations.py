@@ -1,4 +1,4 @@
-"""What docs/demonstrations.md shows is what happens."""
+"""What docs/explanation/demonstrations.md shows is what happens."""
 
 import re
 import runpy
@@ -47,6 +47,6 @@ def test_one_nan_harms_nobody(shown):
 
 
 def test_the_page_has_what_the_program_prints():
-    page = (ROOT / "docs" / "demonstrations.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "explanation" / "demonstrations.md").read_text(encoding="utf-8")
     lines = re.search(r"```text\n(.*?)```", page, re.DOTALL).group(1).strip().splitlines()
     assert [line.split()[0] for line in lines] == ["slide"] * 3 + ["grip"] * 4 + ["permutation", "nan"]

@@ -1,4 +1,4 @@
-"""The README, docs/python.md and the table of mistakes show what happens."""
+"""The README, docs/reference/python.md and the table of mistakes show what happens."""
 
 import re
 import runpy
@@ -8,22 +8,22 @@ from conftest import ROOT
 
 import stiction
 
-PAGE = (ROOT / "docs" / "python.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "reference" / "python.md").read_text(encoding="utf-8")
 MISTAKES = (ROOT / "examples" / "python" / "MISTAKES.md").read_text(encoding="utf-8")
 
 
 def test_the_quickstart_runs():
     block = re.search(r"```python\n(.*?)```", PAGE, re.DOTALL).group(1)
     names = {}
-    exec(compile(block, "docs/python.md", "exec"), names)
+    exec(compile(block, "docs/reference/python.md", "exec"), names)
     assert names["solution"].solved.all()
     assert abs(names["solution"].lambda_[1, 1] + 0.5 * 9.81) < 1e-3
 
 
 def test_the_worlds_of_the_page_about_stepping_run():
-    page = (ROOT / "docs" / "stepping.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "howto" / "stepping.md").read_text(encoding="utf-8")
     names = {}
-    exec(compile(re.search(r"```python\n(.*?)```", page, re.DOTALL).group(1), "docs/stepping.md", "exec"), names)
+    exec(compile(re.search(r"```python\n(.*?)```", page, re.DOTALL).group(1), "docs/howto/stepping.md", "exec"), names)
     assert names["gradients"].valid.all() and names["gradients"].wrench.any()
 
 

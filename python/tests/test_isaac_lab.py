@@ -1,4 +1,4 @@
-"""The class of docs/newton.md inside Isaac Lab itself, without Isaac Sim: boxes that fall, rest and slide. The page says
+"""The class of docs/howto/newton.md inside Isaac Lab itself, without Isaac Sim: boxes that fall, rest and slide. The page says
 what to install.
 """
 
@@ -12,7 +12,7 @@ import pytest
 from conftest import ROOT
 
 if importlib.util.find_spec("isaaclab_newton") is None:
-    pytest.skip("the page's lines are NOT run in Isaac Lab: isaaclab 3.0.0 is not installed (docs/newton.md)",
+    pytest.skip("the page's lines are NOT run in Isaac Lab: isaaclab 3.0.0 is not installed (docs/howto/newton.md)",
                 allow_module_level=True)
 
 import isaaclab.sim as sim_utils  # noqa: E402
@@ -35,7 +35,7 @@ def page(monkeypatch):
     """The page's lines as a module."""
     module = types.ModuleType("page")
     monkeypatch.setitem(sys.modules, "page", module)  # where Isaac Lab's configclass looks for annotations
-    text = (ROOT / "docs" / "newton.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs" / "howto" / "newton.md").read_text(encoding="utf-8")
     exec(re.search(r"```python\n(from isaaclab.*?)```", text, re.DOTALL).group(1), vars(module))
     return module
 

@@ -1,4 +1,4 @@
-"""Every documented mistake and its message (docs/python.md shows them)."""
+"""Every documented mistake and its message (docs/reference/python.md shows them)."""
 
 import numpy as np
 import pytest

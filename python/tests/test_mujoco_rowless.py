@@ -42,7 +42,7 @@ def copies(simulation):
 @pytest.mark.parametrize("solver", ["auto", "npgs"])
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_without_rows_steps_have_the_bits_of_mj_step(solver, integrator):
-    """Sums of RK4 over rotations are formed here (docs/mujoco.md): there MuJoCo's solver is the peer, and not its step."""
+    """Sums of RK4 over rotations are formed here (docs/howto/mujoco.md): there MuJoCo's solver is the peer, and not its step."""
     simulation = some_high(solver, integrator, tolerance=1e-10)
     peers = copies(simulation)
     simulation.step()

@@ -373,8 +373,8 @@ def test_the_example_runs(room, dropped, monkeypatch, capsys):
 def test_the_page_s_first_lines_run(tmp_path, monkeypatch):
     (tmp_path / "robot.xml").write_text(CREEPING.format(cone="elliptic", jacobian="dense"), encoding="utf-8")
     monkeypatch.chdir(tmp_path)
-    page = (ROOT / "docs" / "mujoco_warp.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "howto" / "mujoco_warp.md").read_text(encoding="utf-8")
     block = page.partition("```python\n")[2].partition("```")[0].replace("4096", "4").replace("1000", "5")
     names = {}
-    exec(compile(block, "docs/mujoco_warp.md", "exec"), names)
+    exec(compile(block, "docs/howto/mujoco_warp.md", "exec"), names)
     assert names["solution"].solved.all() and (names["d"].time.numpy() > 0).all()

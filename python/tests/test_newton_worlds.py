@@ -87,7 +87,7 @@ def test_the_lines_for_isaac_lab_build_a_solver_that_steps(monkeypatch):
         monkeypatch.setitem(sys.modules, name, types.ModuleType(name))
     for module in (physics, utils):
         monkeypatch.setitem(sys.modules, module.__name__, module)
-    page = (ROOT / "docs" / "newton.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "howto" / "newton.md").read_text(encoding="utf-8")
     names = {}
     exec(re.search(r"```python\n(from isaaclab.*?)```", page, re.DOTALL).group(1), names)
     model, config = on_ground(box(height=0.3)), names["StictionSolverCfg"](law="convex", tolerance=1e-7)

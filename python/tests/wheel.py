@@ -65,7 +65,7 @@ class Wheel(unittest.TestCase):
 
     def test_the_first_program_of_the_python_page_runs(self):
         # It needs NumPy alone; test_docs.py runs the README's, which steps robots.
-        page = (SOURCE / "docs" / "python.md").read_text(encoding="utf-8")
+        page = (SOURCE / "docs" / "reference" / "python.md").read_text(encoding="utf-8")
         program = re.search(r"```python\n(.*?)```", page, re.S).group(1)
         said = run(program + "\nprint(*np.round(solution.lambda_.ravel(), 3) + 0.0, solution.solved.all())")
         self.assertEqual(said, "9.81 -2.0 0.0 9.81 -4.905 0.0 True")

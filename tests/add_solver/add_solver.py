@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Adds a solver to a copy of the tree, in the five places that docs/writing_a_solver.md names, builds it and runs its test.
+"""Adds a solver to a copy of the tree, in the five places that docs/tutorials/writing_a_solver.md names, builds it and runs its test.
 
 Header, enumerator and line of CMake are those that the page shows, so that the page is tested. Three new files and two new
 lines must be all. Nothing but what the test needs is built, for any x86-64 and not optimised; what an earlier run built and
@@ -18,7 +18,7 @@ import sys
 import time
 
 LEFT_OUT = re.compile(r"(build|out|\.)[^/]*/|bench/results/|.*/__pycache__/|.*\.pyc$|\.[^/]*$")
-PAGE = "docs/writing_a_solver.md"
+PAGE = "docs/tutorials/writing_a_solver.md"
 TYPES = "core/include/stiction/types.hpp"
 LIST = "cmake/solvers.cmake"
 NEW_PAGE = """# Half steps

@@ -5,8 +5,8 @@
 #include "tests/support/scene_batches.hpp"
 #include "tests/support/small_systems.hpp"
 
-/// The example of docs/writing_a_solver.md. This file is not built here: add_solver.py adds it to a copy of the tree,
-/// together with the solver.
+/// The example of docs/tutorials/writing_a_solver.md. This file is not built here: add_solver.py adds it to a copy of
+/// the tree, together with the solver.
 namespace {
 
 using namespace stiction;

@@ -28,7 +28,7 @@ class IslandSplit : public testing::Test {};
 using Precisions = testing::Types<float, double>;
 TYPED_TEST_SUITE(IslandSplit, Precisions);
 
-/// The record of an environment by its islands' records, written from docs/islands.md.
+/// The record of an environment by its islands' records, written from docs/howto/islands.md.
 EnvStatus expected_record(std::span<const EnvStatus> islands) {
   EnvStatus record = islands[0];
   for (const EnvCode code : {EnvCode::solved, EnvCode::rounding, EnvCode::infeasible, EnvCode::stalled,

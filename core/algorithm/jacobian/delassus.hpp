@@ -4,7 +4,7 @@
 #include "core/job/jacobian_job.hpp"
 #include "core/team/reduce.hpp"
 
-/// From J, M and v_free to A and b, and from reactions to velocities (docs/jacobian.md).
+/// From J, M and v_free to A and b, and from reactions to velocities (docs/howto/jacobian.md).
 namespace stiction::inline STICTION_ISA {
 
 /// One environment of a Jacobian batch, and the scratch its work takes.

@@ -5,8 +5,8 @@
 #include "core/team/phases.hpp"
 #include "stiction/jacobian.hpp"
 
-/// M = L L' and what is solved by it (docs/jacobian.md). A product with a zero may be left out or not, whichever is
-/// faster. It could change the sign of a zero only, which reaches no other number, and neither A, Y nor velocities
+/// M = L L' and what is solved by it (docs/howto/jacobian.md). A product with a zero may be left out or not, whichever
+/// is faster. It could change the sign of a zero only, which reaches no other number, and neither A, Y nor velocities
 /// keep it. That takes finite factors; those of L are checked, and any other is in a row that is flagged for it.
 namespace stiction::inline STICTION_ISA {
 

@@ -4,8 +4,8 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// The velocity that a contact's normal row asks for (docs/bodies.md). In double, from the numbers a sub-step begins
-/// with: the sweeps and the judge must not find themselves on two sides of a threshold.
+/// The velocity that a contact's normal row asks for (docs/howto/bodies.md). In double, from the numbers a sub-step
+/// begins with: the sweeps and the judge must not find themselves on two sides of a threshold.
 template <class T>
 STICTION_HD T target_velocity(const SiParams& params, T depth, T restitution, T approach) {
   const T gap = -depth;

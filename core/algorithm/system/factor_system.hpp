@@ -10,7 +10,7 @@ inline constexpr Index kRowParts = 4;
 
 /// An environment whose A is kept as Y Y', Y being n x dofs. The velocity u = Y' x stands between the rows, and a cone
 /// reads its motion from it and pushes its change into it. A sweep visits cones one after the other (every cone
-/// touches the one velocity) and costs 3 n dofs multiplications instead of n^2 (docs/jacobian.md).
+/// touches the one velocity) and costs 3 n dofs multiplications instead of n^2 (docs/howto/jacobian.md).
 template <class RealType>
 struct FactorSystem : FileOrderSystem<RealType> {
   using Real = RealType;

@@ -4,7 +4,7 @@
 #include "core/job/warm_start_job.hpp"
 #include "core/team/reduce.hpp"
 
-/// Storing one environment's reactions and handing them out again (docs/warm_start.md).
+/// Storing one environment's reactions and handing them out again (docs/howto/warm_start.md).
 namespace stiction::inline STICTION_ISA {
 
 /// Where one environment's cones and rows are in this step's batch.

@@ -1,7 +1,7 @@
 #pragma once
 
 /// \file
-/// Rank, definiteness and condition of an operator (docs/analysis.md).
+/// Rank, definiteness and condition of an operator (docs/howto/analysis.md).
 
 #include <cstdint>
 #include <limits>
@@ -33,7 +33,8 @@ struct AnalysisOptions {
   Index max_dense_rows = 512;    ///< environments of more rows are not factorised
 };
 
-/// What one environment's operator is like. NaN, rank -1 and Definiteness::unknown: not determined (docs/analysis.md).
+/// What one environment's operator is like. NaN, rank -1 and Definiteness::unknown: not determined
+/// (docs/howto/analysis.md).
 ///
 /// Sizes are singular values, which mean the same for every matrix: s_max = |A| and s_min = 1 / |A^-1| in the 2-norm.
 /// Of a symmetric A they are the absolute values of its eigenvalues, s_max the spectral radius; else s_max is a bound

@@ -1,7 +1,7 @@
 #pragma once
 
 /// \file
-/// Contact batches: A, b and cones of many environments (docs/data_layout.md).
+/// Contact batches: A, b and cones of many environments (docs/reference/data_layout.md).
 
 #include <cstdint>
 #include <span>
@@ -58,7 +58,7 @@ struct ContactBatchView {
   Offset column_count = 0;                    ///< length of column where column_offsets is given
   const Real* A = nullptr;  ///< Delassus operator, without R; duplicates add up [w / lambda]  (nonzero_count)
   const Offset* factor_offsets = nullptr;  ///< first entry of Y of each environment; one that has any stores no A,
-                                           ///< which is Y Y' then (docs/jacobian.md); null: none  (env_count + 1)
+                                           ///< which is Y Y' then (docs/howto/jacobian.md); null: none  (env_count + 1)
   const Real* factor = nullptr;            ///< Y, row-major, rows x dofs                (factor_count)
   Offset factor_count = 0;                 ///< length of factor
   const Real* b = nullptr;                 ///< right-hand side [w]                                  (row_count)

@@ -1,7 +1,7 @@
 #pragma once
 
 /// \file
-/// Bodies and contact points in place of a matrix (docs/bodies.md).
+/// Bodies and contact points in place of a matrix (docs/howto/bodies.md).
 
 #include <array>
 #include <cstdint>
@@ -14,10 +14,10 @@
 
 namespace stiction {
 
-/// Rigid bodies and contact points of many environments at one instant, as `BodySolver` reads them (docs/bodies.md). A
-/// POD that owns nothing. All vectors are in world axes; a twist is (velocity of the centre of mass [m/s], angular
-/// velocity [rad/s]). Bodies of all environments follow one another, contacts likewise. Body numbers count from the
-/// environment's own first body, and -1 is the world, which stands still.
+/// Rigid bodies and contact points of many environments at one instant, as `BodySolver` reads them
+/// (docs/howto/bodies.md). A POD that owns nothing. All vectors are in world axes; a twist is (velocity of the centre
+/// of mass [m/s], angular velocity [rad/s]). Bodies of all environments follow one another, contacts likewise. Body
+/// numbers count from the environment's own first body, and -1 is the world, which stands still.
 ///
 /// u = (velocity of b's point) - (velocity of a's point) is a contact's relative velocity, and n, t1, t2 its frame: the
 /// normal, and contact_tangents(). Reactions are impulses (n, t1, t2) on b; a gets the opposite.
@@ -133,8 +133,8 @@ STICTION_HD void contact_tangents(const Real (&n)[3], Real (&t1)[3], Real (&t2)[
   detail::complete_tangents(n, sign, Real(-1) / (sign + n[2]), t1, t2);
 }
 
-/// How a step becomes b and R (docs/bodies.md). With h = dt / substeps, u the relative velocity at the beginning of the
-/// (sub-)step and u_free the one that forces without contacts would give it:
+/// How a step becomes b and R (docs/howto/bodies.md). With h = dt / substeps, u the relative velocity at the beginning
+/// of the (sub-)step and u_free the one that forces without contacts would give it:
 ///
 ///     b = u_free - (v, 0, 0),   v = max(v_position, v_bounce),   R = cfm / h on all three rows
 ///     v_position = erp * max(depth - slop, 0) / h for depth >= 0,   depth / h for a gap

@@ -10,7 +10,7 @@
 
 namespace stiction {
 
-/// How bodies are solved (docs/bodies.md).
+/// How bodies are solved (docs/howto/bodies.md).
 enum class BodyMethod : std::uint8_t {
   impulses = 0,  ///< sequential impulses (docs/math/si.md)
   newton = 1,    ///< inexact Newton's method on the bodies' velocities (docs/math/body_newton.md)

@@ -35,7 +35,7 @@ namespace stiction {
 inline constexpr const char* kVersion = "0.1.0";
 
 /// Numerics epoch: results are bit-reproducible within one epoch. It changes, with a sentence in the
-/// changelog, whenever any golden hash does (docs/numerics.md).
+/// changelog, whenever any golden hash does (docs/explanation/numerics.md).
 inline constexpr int kNumericsEpoch = 3;
 
 }  // namespace stiction

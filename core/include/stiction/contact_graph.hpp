@@ -1,7 +1,7 @@
 #pragma once
 
 /// \file
-/// Which bodies touch, from step to step: islands, colours, drawings (docs/contact_graph.md).
+/// Which bodies touch, from step to step: islands, colours, drawings (docs/howto/contact_graph.md).
 
 #include <cstdint>
 #include <memory>
@@ -84,8 +84,8 @@ struct GraphStatistics {
 ///
 /// **The state depends on the contacts present, never on the changes that led there.** An island's number is its
 /// smallest body. The colouring is the greedy one in a fixed order of priority, a scrambled form of the pair of
-/// indices (docs/contact_graph.md). Every manifold has the smallest colour that no manifold of higher priority has
-/// with which it shares a moving body. A random order of greedy colouring: Jones and Plassmann (1993).
+/// indices (docs/howto/contact_graph.md). Every manifold has the smallest colour that no manifold of higher priority
+/// has with which it shares a moving body. A random order of greedy colouring: Jones and Plassmann (1993).
 ///
 /// Costs below: d is the largest number of manifolds at a moving body, k the manifolds evaluated for colour
 /// (GraphChange::evaluated_manifolds). For indices without a pattern that defeats the scrambling, a changed manifold

@@ -1,7 +1,7 @@
 #pragma once
 
 /// \file
-/// Jacobian batches: J, M and velocities in place of A (docs/jacobian.md).
+/// Jacobian batches: J, M and velocities in place of A (docs/howto/jacobian.md).
 
 #include <cstdint>
 #include <vector>
@@ -23,9 +23,9 @@ enum class MassForm : std::uint8_t {
 ///
 ///     A = J M^-1 J',   b = J v_free - target,   and   v+ = v_free + M^-1 J' lambda
 ///
-/// follows from the answer (docs/jacobian.md). At velocity level lambda is an impulse; with accelerations in place of
-/// velocities, as MuJoCo has them, it is a force. Rows, cones, R, mu, lo and hi are those of ContactBatchView, and as
-/// there counts allow room behind what is in use. In device memory the totals are the room of the arrays.
+/// follows from the answer (docs/howto/jacobian.md). At velocity level lambda is an impulse; with accelerations in
+/// place of velocities, as MuJoCo has them, it is a force. Rows, cones, R, mu, lo and hi are those of ContactBatchView,
+/// and as there counts allow room behind what is in use. In device memory the totals are the room of the arrays.
 template <class Real>
 struct JacobianBatchView {
   Offset env_count = 0;                       ///< environments

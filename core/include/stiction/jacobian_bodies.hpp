@@ -1,7 +1,7 @@
 #pragma once
 
 /// \file
-/// Rigid bodies that are given as J and M (docs/jacobian.md).
+/// Rigid bodies that are given as J and M (docs/howto/jacobian.md).
 
 #include <span>
 #include <vector>

@@ -1,7 +1,7 @@
 #pragma once
 
 /// \file
-/// The solver of Jacobian batches, on the CPU or a GPU (docs/jacobian.md).
+/// The solver of Jacobian batches, on the CPU or a GPU (docs/howto/jacobian.md).
 
 #include <memory>
 
@@ -49,8 +49,8 @@ template <class Real>
 class JacobianMachine;
 
 /// Solves Jacobian batches where they are, on the host or on a device: assembles, solves, and moves the velocities
-/// (docs/jacobian.md). Where takes_newton(), environments that Newton's method in velocities solves are not assembled.
-/// On every device the same bits.
+/// (docs/howto/jacobian.md). Where takes_newton(), environments that Newton's method in velocities solves are not
+/// assembled. On every device the same bits.
 template <class Real>
 class JacobianSolver {
  public:

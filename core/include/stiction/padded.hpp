@@ -1,7 +1,7 @@
 #pragma once
 
 /// \file
-/// Arrays of fixed room per environment, read where they are (docs/jacobian.md).
+/// Arrays of fixed room per environment, read where they are (docs/howto/jacobian.md).
 
 #include <cstdint>
 #include <span>

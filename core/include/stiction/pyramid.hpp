@@ -1,7 +1,7 @@
 #pragma once
 
 /// \file
-/// Friction pyramids in place of cones (docs/pyramid.md).
+/// Friction pyramids in place of cones (docs/howto/pyramid.md).
 
 #include <span>
 #include <vector>
@@ -10,8 +10,8 @@
 
 namespace stiction {
 
-/// A batch whose friction cones have been replaced by inscribed pyramids, and what leads back (docs/pyramid.md). Each
-/// reaction is a sum of edges of its contact's pyramid with non-negative factors f,
+/// A batch whose friction cones have been replaced by inscribed pyramids, and what leads back (docs/howto/pyramid.md).
+/// Each reaction is a sum of edges of its contact's pyramid with non-negative factors f,
 ///
 ///     lambda = E f,   A' = E' (A + diag R) E,   b' = E' b,   f >= 0 complementary to w' = E' w >= 0,
 ///

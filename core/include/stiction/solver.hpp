@@ -76,7 +76,7 @@ enum class InvalidPolicy : std::uint8_t {
 /// How the islands of an environment (groups of cones that do not act on one another, Solver::islands) are iterated.
 enum class IslandMode : std::uint8_t {
   together = 0,  ///< as one system: one scaling, one momentum, one residual, one stop
-  apart = 1,     ///< each as a separate environment would be, and its record is made of theirs (docs/islands.md)
+  apart = 1,     ///< each as a separate environment would be, and its record is made of theirs (docs/howto/islands.md)
 };
 /// Name of a mode, as reports print it ("together", "apart").
 const char* to_string(IslandMode mode) noexcept;
@@ -121,7 +121,7 @@ struct Capacity {
   Offset nonzeros = 0;                   ///< stored entries of A of a batch
   Index env_rows = 0;                    ///< rows of the largest environment
   Offset env_nonzeros = 0;               ///< stored entries of the environment with the most
-  Index env_dofs = 0;                    ///< columns of the widest factor (docs/jacobian.md)
+  Index env_dofs = 0;                    ///< columns of the widest factor (docs/howto/jacobian.md)
   Precision precision = Precision::f32;  ///< the widest that batches will have
   bool semidefinite = false;             ///< whether cones of semidefinite will come (docs/math/semidefinite.md)
 
@@ -179,9 +179,9 @@ class Solver {
 
   /// Solves without a plan of the caller's. A batch in device memory is planned there, in the order of `stream`, so
   /// nothing waits and nothing is allocated. What is queued can be captured into a CUDA graph and replayed after the
-  /// batch's numbers, contacts and counts have changed in place (docs/cuda.md). Its view's totals are then the room of
-  /// its arrays. An environment beyond the capacity is flagged kFlagOverCapacity, one whose offsets are out of order
-  /// kFlagBadStructure; both leave the others alone. A host batch is planned on the host by the CPU. \throws
+  /// batch's numbers, contacts and counts have changed in place (docs/explanation/cuda.md). Its view's totals are then
+  /// the room of its arrays. An environment beyond the capacity is flagged kFlagOverCapacity, one whose offsets are out
+  /// of order kFlagBadStructure; both leave the others alone. A host batch is planned on the host by the CPU. \throws
   /// Error(invalid_argument) if the batch is beyond the capacity given to the constructor, before anything is queued.
   template <class Real>
   void solve(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution, const Real* warm_start = nullptr,

@@ -1,7 +1,7 @@
 #pragma once
 
 /// \file
-/// Where the time of solves goes (docs/tracing.md).
+/// Where the time of solves goes (docs/howto/tracing.md).
 
 #include <chrono>
 #include <cstddef>
@@ -20,7 +20,7 @@ enum class SpanPlace : std::uint8_t {
 
 /// A piece of work that was timed. Its texts live as long as the program.
 struct Span {
-  const char* name = "";              ///< which work: "solve", "plan", ... (docs/tracing.md)
+  const char* name = "";              ///< which work: "solve", "plan", ... (docs/howto/tracing.md)
   const char* detail = nullptr;       ///< which kernel, which class of environments; may be null
   SpanPlace place = SpanPlace::host;  ///< the CPU, or what was queued on a device
   int lane = 0;                       ///< thread of a solve (0: the caller's), or stream of the device
@@ -29,8 +29,8 @@ struct Span {
   double duration = 0;                ///< [us]
 };
 
-/// Collects where the time of solves goes (docs/tracing.md): put one into SolverOptions::tracer. Any thread may add to
-/// it. It holds so many spans and counts the others. Looking at the time reaches no bit of an answer.
+/// Collects where the time of solves goes (docs/howto/tracing.md): put one into SolverOptions::tracer. Any thread may
+/// add to it. It holds so many spans and counts the others. Looking at the time reaches no bit of an answer.
 class Tracer {
  public:
   /// A tracer with room for that many spans.

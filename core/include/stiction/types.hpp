@@ -56,7 +56,7 @@ enum class Precision : std::uint8_t {
   f64 = 1,  ///< `double`
 };
 
-/// A solver by its command-line name (docs/cli.md).
+/// A solver by its command-line name (docs/reference/cli.md).
 enum class SolverKind : std::uint8_t {
   pgs = 0,                ///< projected Gauss-Seidel by cones
   npgs = 1,               ///< the same with momentum and restarts
@@ -70,7 +70,7 @@ enum class SolverKind : std::uint8_t {
   subspace = 9,           ///< npgs with steps to where all contacts keep sticking, sliding or being open
   end,                    ///< no solver: the number after those that can answer a contact batch
   velocity_newton = 253,  ///< Newton's method in velocities, where J and M are given: what auto tries first there
-  multigrid = 254,        ///< of bodies alone: Newton's method with that preconditioner (docs/bodies.md)
+  multigrid = 254,        ///< of bodies alone: Newton's method with that preconditioner (docs/howto/bodies.md)
   automatic = 255,        ///< "auto": per environment, from its own features; a status names the one that answered
 };
 /// Solvers that can answer a contact batch.

@@ -1,7 +1,7 @@
 #pragma once
 
 /// \file
-/// Reactions of the last step as first guesses of the next, by contact (docs/warm_start.md).
+/// Reactions of the last step as first guesses of the next, by contact (docs/howto/warm_start.md).
 
 #include <cstdint>
 #include <memory>
@@ -60,9 +60,9 @@ class WarmStartMachine;
 ///
 ///     lambda_0 = beta * lambda_prev * min(1, dt_prev / dt)          (StepScaling::capped)
 ///
-/// (warm starting of sequential impulses: Catto 2005; docs/warm_start.md). A cone is known by its environment and its
-/// id, which may be any 64-bit number that is unique within the environment. Of cones that share one, the first in the
-/// batch's order is stored and served. New cones start from zero, cones that vanish are dropped, and so is a cone
+/// (warm starting of sequential impulses: Catto 2005; docs/howto/warm_start.md). A cone is known by its environment and
+/// its id, which may be any 64-bit number that is unique within the environment. Of cones that share one, the first in
+/// the batch's order is stored and served. New cones start from zero, cones that vanish are dropped, and so is a cone
 /// whose kind or number of rows changed. An environment whose solve ended numerical, invalid_input or unsupported is
 /// reset whole: nothing of a failure reaches the next step.
 ///
@@ -100,8 +100,8 @@ class WarmStartStore {
   /// Stores the reactions of a Jacobian batch. \throws as load of a contact batch.
   void store(const JacobianBatchView<Real>& batch, const std::uint64_t* cone_id,
              const JacobianSolutionView<Real>& solution, double dt, StreamRef stream = StreamRef::default_stream());
-  /// Writes the first guess of contacts of bodies, three numbers each (docs/bodies.md): (3 * contact_count) [N s].
-  /// \throws as load of a contact batch.
+  /// Writes the first guess of contacts of bodies, three numbers each (docs/howto/bodies.md): (3 * contact_count) [N
+  /// s]. \throws as load of a contact batch.
   void load(const BodyBatchView<Real>& batch, const std::uint64_t* contact_id, double dt, Real* guess,
             StreamRef stream = StreamRef::default_stream());
   /// Stores the impulses of contacts of bodies. \throws as load of a contact batch.

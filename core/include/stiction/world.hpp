@@ -1,7 +1,7 @@
 #pragma once
 
 /// \file
-/// Worlds of rigid bodies, stepped without an engine (docs/stepping.md).
+/// Worlds of rigid bodies, stepped without an engine (docs/howto/stepping.md).
 
 #include <array>
 #include <cstdint>
@@ -122,8 +122,8 @@ struct WorldSeconds {
   double integrate = 0;  ///< positions
 };
 
-/// Many environments of the same rigid bodies, stepped together (docs/stepping.md). Contacts are of spheres, capsules,
-/// boxes and planes. A step makes one body solve with first guesses by contact, and semi-implicit Euler. An
+/// Many environments of the same rigid bodies, stepped together (docs/howto/stepping.md). Contacts are of spheres,
+/// capsules, boxes and planes. A step makes one body solve with first guesses by contact, and semi-implicit Euler. An
 /// environment's bits depend on description, options and its own state alone: not on its neighbours, the threads, or
 /// the device.
 ///
@@ -144,8 +144,8 @@ class World {
   /// stays where it is; no other environment changes.
   void step();
   /// One step whose contacts `solve` answers in place of the world's own solver: several processes, say
-  /// (docs/ranks.md). What it throws is passed on: bodies are then where they were, and impulses to start from are
-  /// forgotten. \throws Error(invalid_argument) for an empty function.
+  /// (docs/howto/ranks.md). What it throws is passed on: bodies are then where they were, and impulses to start from
+  /// are forgotten. \throws Error(invalid_argument) for an empty function.
   void step(const StepSolver<Real>& solve);
 
   /// Positions, orientations and twists of all environments; valid until the next step or reset.

@@ -1,7 +1,7 @@
 #pragma once
 
 /// \file
-/// Derivatives of one step of a world (docs/stepping.md).
+/// Derivatives of one step of a world (docs/howto/stepping.md).
 
 #include <memory>
 #include <span>

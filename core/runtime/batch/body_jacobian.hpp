@@ -9,8 +9,8 @@
 
 namespace stiction {
 
-/// One step of bodies as a batch of J and M, in double (docs/bodies.md). A body has six degrees of freedom, a contact
-/// three rows.
+/// One step of bodies as a batch of J and M, in double (docs/howto/bodies.md). A body has six degrees of freedom, a
+/// contact three rows.
 struct BodyJacobians {
   JacobianBatch<double> batch;
   std::vector<double> impulse;          ///< reactions                                             (3 * contact_count)

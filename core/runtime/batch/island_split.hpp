@@ -7,9 +7,9 @@
 
 namespace stiction {
 
-/// A host batch taken apart (docs/islands.md). Every island of an environment becomes a separate environment, a piece,
-/// with rows, cones and stored entries in the order they had. An environment without rows or kept as a factor is one
-/// piece.
+/// A host batch taken apart (docs/howto/islands.md). Every island of an environment becomes a separate environment, a
+/// piece, with rows, cones and stored entries in the order they had. An environment without rows or kept as a factor is
+/// one piece.
 template <class Real>
 class IslandSplit {
  public:

@@ -178,7 +178,7 @@ SolverKind solver_from_string(const std::string& name) {
   if (name == to_string(SolverKind::multigrid))
     throw Error(ErrorCode::invalid_argument,
                 "solver 'multigrid' works on bodies, not on contact batches: give the bodies to a BodySolver with "
-                "BodyMethod::newton (docs/bodies.md); for a contact batch use one of: " +
+                "BodyMethod::newton (docs/howto/bodies.md); for a contact batch use one of: " +
                     names);
   if (name == to_string(SolverKind::velocity_newton))
     throw Error(ErrorCode::invalid_argument,

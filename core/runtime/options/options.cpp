@@ -22,7 +22,7 @@ void check_options(const SolverOptions& options) {
   if (options.solver == SolverKind::multigrid)
     fail(
         "solver = multigrid: works on bodies, not on contact batches; give the bodies to a BodySolver with "
-        "BodyMethod::newton (docs/bodies.md), or choose ipm or newton here");
+        "BodyMethod::newton (docs/howto/bodies.md), or choose ipm or newton here");
   if (options.solver == SolverKind::velocity_newton)
     fail("solver = velocity_newton: works on J and M alone; a JacobianSolver with solver auto takes it");
   if (options.direct_rows < kDirectRows || options.direct_rows > kMostDirectRows)

@@ -18,7 +18,7 @@ template <class Real>
 void put_unit(const std::array<double, 4>& quaternion, Real* to);
 
 /// Shapes up to which all pairs of an environment are listed once and tested in every step. More are sorted into a
-/// tree in every step. Both find the same contacts, so this reaches speed and memory only (docs/stepping.md).
+/// tree in every step. Both find the same contacts, so this reaches speed and memory only (docs/howto/stepping.md).
 inline constexpr std::size_t kMostListed = 128;
 
 /// A description as kernels read it.

@@ -313,7 +313,7 @@ class Batch(BatchArrays):
 
     def as_bodies(self) -> JacobianBodies:
         """The rigid bodies and contact points of a host batch of J and M, for the solvers of bodies ("multigrid" among
-        them). Each environment has six degrees of freedom a body, in world axes; docs/jacobian.md says what else must
+        them). Each environment has six degrees of freedom a body, in world axes; docs/howto/jacobian.md says what else must
         hold. The arrays are copies. Raises stiction.Error (unsupported) that names the first body or row that is no
         such thing.
         """

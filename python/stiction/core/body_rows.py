@@ -38,7 +38,7 @@ def _masses(inv_mass, inv_inertia):
 
 
 def _wanted(batch, depth, restitution, approach):
-    """The velocity that each normal row asks for (docs/bodies.md)."""
+    """The velocity that each normal row asks for (docs/howto/bodies.md)."""
     dt, erp, slop, _, threshold = batch.stepping[:5]
     position = np.where(depth < 0, depth, erp * np.maximum(depth - slop, 0)) / dt
     bounces = (restitution > 0) & (approach > threshold) & (approach * dt >= -depth)

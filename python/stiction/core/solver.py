@@ -143,7 +143,7 @@ class Solver(SolverBase):
     invalid: "isolate": an environment with NaN, mu < 0 and so on is flagged, gets zeros and spoils no other one.
         "reject": stiction.Error names the first defect.
     omega: relaxation of sweeps, 0 < omega < 2. stall_window: iterations without progress before it stops, 0: never.
-    islands: "together" or "apart" (docs/islands.md).
+    islands: "together" or "apart" (docs/howto/islands.md).
     direct_rows: rows of the largest environment that admm, newton, ipm and lemke take a matrix for, 1024 to 32768. It
         is for the CPU only, and not with "auto".
     capacity: dict of room to take at once on a GPU: envs, rows, cones, nonzeros, env_rows, env_nonzeros, env_dofs.

@@ -122,7 +122,7 @@ class WorldState(NamedTuple):
 
 
 class World:
-    """Many environments of the same rigid bodies, stepped together (docs/stepping.md): contacts are found, solved by
+    """Many environments of the same rigid bodies, stepped together (docs/howto/stepping.md): contacts are found, solved by
     the body solver and integrated. Environments differ in state and forces. An environment's bits depend on the
     description, the options and its own state, and on nothing else. They are those of C++ and of `stiction step`.
 

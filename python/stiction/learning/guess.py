@@ -1,4 +1,4 @@
-"""First guesses of reactions: several candidates, of which the best is taken (docs/warm_start.md).
+"""First guesses of reactions: several candidates, of which the best is taken (docs/howto/warm_start.md).
 
     guess = stiction.learning.Guess(["zero", "last", "active_set"])
     solution = solver.solve(batch, guess=guess, ids=ids)          # every step of a simulation loop

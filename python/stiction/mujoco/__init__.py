@@ -6,7 +6,7 @@
 
 MuJoCo collects the rows (contacts, limits, friction loss, equalities), and stiction solves the convex problem that
 they form. qacc, efc_force, efc_state and qfrc_constraint go back to where MuJoCo's own solver writes them.
-docs/mujoco.md.
+docs/howto/mujoco.md.
 """
 
 import contextlib

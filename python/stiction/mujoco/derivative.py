@@ -1,5 +1,5 @@
 """Derivatives of the accelerations that a BatchedSimulation has computed. They go by MuJoCo's own J, M, aref and R of the last
-solve: positions, and with them the contacts' geometry, are frozen (docs/mujoco.md)."""
+solve: positions, and with them the contacts' geometry, are frozen (docs/howto/mujoco.md)."""
 
 import numpy as np
 

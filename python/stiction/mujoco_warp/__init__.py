@@ -4,7 +4,7 @@
     solution.solved, solution.residual                      # of each world
 
 `solve` and `noslip` stand in for MuJoCo Warp's functions of those names: they read its arrays where they lie, and
-write what it writes. docs/mujoco_warp.md.
+write what it writes. docs/howto/mujoco_warp.md.
 """
 
 from __future__ import annotations

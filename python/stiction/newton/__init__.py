@@ -5,7 +5,7 @@
     solver.status["residual"], solver.status["code"]                # one record for each world
 
 Contacts, limits and friction of joints of all worlds are solved in one call, each world to the tolerance and apart
-from the others. docs/newton.md.
+from the others. docs/howto/newton.md.
 """
 
 from __future__ import annotations

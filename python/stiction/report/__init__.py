@@ -1,4 +1,4 @@
-"""One page of a run: `stiction solve --json RUN.json`, of `step` or of `scaling`, with plots. docs/view.md.
+"""One page of a run: `stiction solve --json RUN.json`, of `step` or of `scaling`, with plots. docs/howto/view.md.
 
     stiction report RUN.json -o report.html [--solution SOLUTION.h5]
 """

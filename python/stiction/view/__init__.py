@@ -1,5 +1,5 @@
 """Recordings to look at, in Rerun (`pip install rerun-sdk`) or in a browser by viser (`pip install viser`): bodies,
-contacts, forces, friction cones, slip, islands, residuals. docs/view.md.
+contacts, forces, friction cones, slip, islands, residuals. docs/howto/view.md.
 
     with stiction.view.Recorder("run.rrd") as recorder:     # then: rerun run.rrd; or "run.html", a page by viser
         for _ in range(200):

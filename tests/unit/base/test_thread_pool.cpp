@@ -107,7 +107,7 @@ TEST(ThreadPoolFork, NoWorkerOfOneTbbIsThereWhenTheProcessForks) {
 }
 
 TEST_P(ThreadPool, AForkInTheMiddleOfACallLeavesTheChildUsable) {
-  if (GetParam() == cpu::PoolKind::tbb) GTEST_SKIP() << "oneTBB does not promise it (docs/threads.md)";
+  if (GetParam() == cpu::PoolKind::tbb) GTEST_SKIP() << "oneTBB does not promise it (docs/howto/threads.md)";
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
   GTEST_SKIP() << "the sanitizer's own malloc may be locked when the process forks, and stays so in the child";
 #endif

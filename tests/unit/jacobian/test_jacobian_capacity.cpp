@@ -9,7 +9,7 @@ namespace {
 
 using namespace stiction;
 
-/// docs/jacobian.md: a factor is kept above 72 rows, if they are more than four times the degrees of freedom.
+/// docs/howto/jacobian.md: a factor is kept above 72 rows, if they are more than four times the degrees of freedom.
 bool is_kept_as_factor(FactorUse use, Offset rows, Offset dofs) {
   if (rows == 0 || dofs == 0 || use == FactorUse::never) return false;
   return use == FactorUse::always || (rows > 72 && 4 * dofs < rows);

@@ -13,8 +13,8 @@
 #include "stiction/status.hpp"
 #include "stiction/world.hpp"
 
-/// Problems and solutions in HDF5 files (docs/file_formats.md). Every function may be called from any thread; calls
-/// wait for one another. It fails with Error(io) when the operating system refuses, with Error(bad_file) when the
+/// Problems and solutions in HDF5 files (docs/reference/file_formats.md). Every function may be called from any thread;
+/// calls wait for one another. It fails with Error(io) when the operating system refuses, with Error(bad_file) when the
 /// content is not what it should be. The message is one sentence that begins with the file's name.
 namespace stiction::io {
 
@@ -125,7 +125,7 @@ SolutionFile read_solution(const std::filesystem::path& path);
 /// Writes like write_batch. \throws Error(invalid_argument) if the lengths do not fit one another, Error(io)
 void write_solution(const std::filesystem::path& path, const SolutionFile& solution);
 
-/// A world between two steps on disk (docs/file_formats.md): what `stiction step --checkpoint` writes.
+/// A world between two steps on disk (docs/reference/file_formats.md): what `stiction step --checkpoint` writes.
 struct CheckpointFile {
   Precision precision = Precision::f64;  ///< type of the numbers in the file; f32 is widened exactly
   std::string run;                       ///< whatever reaches the bits of the run, "name=value" each
@@ -163,7 +163,7 @@ struct CheckpointShare {
 /// read, and no others. \throws Error
 CheckpointShare read_checkpoint(const std::filesystem::path& path, Offset environments, CheckpointBodies bodies);
 
-/// What the parts of a checkpoint have in common (docs/file_formats.md).
+/// What the parts of a checkpoint have in common (docs/reference/file_formats.md).
 struct CheckpointParts {
   std::string run;                      ///< of CheckpointFile
   std::int64_t step = 0;                ///< of CheckpointFile

@@ -20,8 +20,8 @@ struct RecorderOptions {
 };
 
 /// Writes environments of a running solver to a contact-batch file. With them goes what `stiction replay` needs to get
-/// the same bits again (docs/record_replay.md): options, warm start, and the lambda that was the answer. The file is
-/// written anew whenever a solve added to it, so that it is there if the process ends badly.
+/// the same bits again (docs/howto/record_replay.md): options, warm start, and the lambda that was the answer. The file
+/// is written anew whenever a solve added to it, so that it is there if the process ends badly.
 class Recorder {
  public:
   /// \throws Error(invalid_argument) if max_environments < 1.
