@@ -159,12 +159,12 @@ STICTION_HD ModesFound find_modes_at_motion(TeamT& team, const EnvView<Real>& en
   for_each(team, env.cone_count, [&](Index cone) {
     const Index first = env.cone_row(cone);
     if (env.kind[cone] >= ConeKind::box_friction) flags |= kGradientInvalidInput;
+    add_cone<false>(
+        env, rows, cone, 1.0, unit, [&](Index i) { return s.w[i]; },
+        [&](Index i) { return static_cast<double>(lambda[i]); }, largest);
+    at_rest = max_(cone_error_at_rest(env, rows, cone, unit), at_rest);
     with_shape(env.kind[cone], env.cone_size(cone), [&](auto shape) {
       const auto point = cone_point(shape, env, rows, lambda, s.w, cone, flags);
-      add_cone<false>(
-          env, rows, cone, 1.0, unit, [&](Index i) { return s.w[i]; },
-          [&](Index i) { return static_cast<double>(lambda[i]); }, largest);
-      at_rest = max_(cone_error_at_rest(env, rows, cone, unit), at_rest);
       const auto found = cone_directions(shape, point, job.law, tie);
       write_directions(env, s, cone, first, found);
     });
