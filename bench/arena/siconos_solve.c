@@ -17,7 +17,7 @@
  * Short solves are done again and the shortest counts.
  *
  * Each environment is solved in a separate process, so that neither a crash nor the clock costs the others. Built by
- * bench/peers/against.py where the headers are found: cc siconos_solve.c -lsiconos_numerics
+ * bench/arena/siconos.py where the headers are found: cc siconos_solve.c -lsiconos_numerics
  */
 #include <math.h>
 #include <signal.h>
