@@ -12,7 +12,7 @@ namespace stiction::io {
 constexpr std::size_t kMaxTextBytes = std::size_t{1} << 20;
 
 /// The standard types: IEEE and two's complement, either byte order. HDF5 can describe others (odd exponents, padding
-/// bits), which no honest writer uses and whose conversion is the least travelled code of HDF5.
+/// bits), which real writers do not produce and HDF5 converts with rarely used code.
 bool is_standard(hid_t type, H5T_class_t type_class);
 
 /// Values that a reader expects in a dataset.
