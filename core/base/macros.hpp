@@ -13,3 +13,14 @@
 #else
 #define STICTION_UNROLL
 #endif
+
+namespace stiction {
+
+/// A compiler for the device reads this: bounds of loops have to be constants where arrays are to be registers.
+#if defined(__CUDACC__)
+constexpr bool kForDevice = true;
+#else
+constexpr bool kForDevice = false;
+#endif
+
+}  // namespace stiction

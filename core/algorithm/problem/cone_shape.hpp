@@ -1,5 +1,7 @@
 #pragma once
 
+#include <type_traits>
+
 #include "core/base/macros.hpp"
 #include "core/job/cone_counts.hpp"
 
@@ -54,6 +56,17 @@ STICTION_HD auto with_shape(ConeKind kind, Index rows, F&& f) {
   if (kind == ConeKind::box) return f(ConeShape<ConeKind::box, 1>{});
   if (kind == ConeKind::free) return f(ConeShape<ConeKind::free, 1>{});
   return f(ConeShape<ConeKind::unilateral, 1>{});
+}
+
+/// f(rows) of a cone. On the device they are a constant, so that arrays of a cone's numbers can be registers.
+template <class F>
+STICTION_HD auto with_row_count(ConeKind kind, Index rows, F&& f) {
+  if constexpr (kForDevice) {
+    return with_shape(kind, rows,
+                      [&](auto shape) { return f(std::integral_constant<Index, decltype(shape)::kRows>{}); });
+  } else {
+    return f(rows);
+  }
 }
 
 /// Where a cone lies in a system's arrays.

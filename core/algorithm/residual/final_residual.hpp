@@ -120,13 +120,12 @@ struct ConeAnswer {
   double mean;  ///< of the diagonal
 };
 
-/// Reads a cone's answer, with motion(batch row) and reaction(batch row).
-template <class Real, class Rows, class Motion, class Reaction>
-STICTION_HD ConeAnswer cone_answer(const EnvView<Real>& env, const Rows& rows, Index cone, Motion&& motion,
+/// Reads the answer of a cone of `size` rows, with motion(batch row) and reaction(batch row).
+template <class Real, class Rows, class Size, class Motion, class Reaction>
+STICTION_HD ConeAnswer cone_answer(const EnvView<Real>& env, const Rows& rows, Index cone, Size size, Motion&& motion,
                                    Reaction&& reaction) {
   const ConeKind kind = env.kind[cone];
   const Index first = env.cone_row(cone);
-  const Index size = env.cone_size(cone);
   ConeAnswer answer;
   double sum = 0.0;
   for (Index k = 0; k < size; ++k) {
@@ -142,7 +141,7 @@ STICTION_HD ConeAnswer cone_answer(const EnvView<Real>& env, const Rows& rows, I
     answer.x[k] = unit_reaction(reaction(i), mu);
     answer.y[k] = mu * motion(i);
   }
-  answer.mean = residual_weight(div_(sum, static_cast<double>(size)));
+  answer.mean = residual_weight(div_(sum, static_cast<double>(Index{size})));
   return answer;
 }
 
@@ -161,9 +160,8 @@ STICTION_HD ConeBounds cone_bounds(const EnvView<Real>& env, Index cone) {
 
 /// Adds the error of an answer of a cone of `rows` rows. kMatrices: it may be one of semidefinite.
 template <bool kMatrices>
-STICTION_HD_OUTLINE void add_answer(ConeKind kind, Index rows, Law law, const ConeAnswer& answer,
-                                    const ConeBounds& bounds, double share, double unit,
-                                    LargestResidual<double>& largest) {
+STICTION_HD_PART void add_answer(ConeKind kind, Index rows, Law law, const ConeAnswer& answer, const ConeBounds& bounds,
+                                 double share, double unit, LargestResidual<double>& largest) {
   with_shape(kind, rows, [&](auto shape) {
     constexpr int kRows = decltype(shape)::kRows;
     ConeMetric<double, kRows> metric;
@@ -194,9 +192,10 @@ STICTION_HD_OUTLINE void add_answer(ConeKind kind, Index rows, Law law, const Co
 template <bool kMatrices, class Real, class Rows, class Motion, class Reaction>
 STICTION_HD void add_cone(const EnvView<Real>& env, const Rows& rows, Index cone, double share, double unit,
                           Motion&& motion, Reaction&& reaction, LargestResidual<double>& largest) {
-  const ConeAnswer answer = cone_answer(env, rows, cone, motion, reaction);
-  add_answer<kMatrices>(env.kind[cone], env.cone_size(cone), env.law, answer, cone_bounds(env, cone), share, unit,
-                        largest);
+  with_row_count(env.kind[cone], env.cone_size(cone), [&](auto size) {
+    const ConeAnswer answer = cone_answer(env, rows, cone, size, motion, reaction);
+    add_answer<kMatrices>(env.kind[cone], size, env.law, answer, cone_bounds(env, cone), share, unit, largest);
+  });
 }
 
 /// Motion and error of the reactions in env.lambda, in double whatever the solve's precision, from the batch's own
