@@ -83,8 +83,8 @@ struct JacobianVjpHalf {
 
   /// out = T in for the rows of a cone, in the batch's coordinates.
   template <bool kCone, int kRows>
-  STICTION_HD void times_G_rows(const SlotOf<Types>& slot, Index s, Index from, const Double (&in)[kRows],
-                                Double (&out)[kRows]) const {
+  STICTION_HD void times_hessian_rows(const SlotOf<Types>& slot, Index s, Index from, const Double (&in)[kRows],
+                                      Double (&out)[kRows]) const {
     const Doubles p = array(workspace.slope_p), q = array(workspace.slope_q);
     if constexpr (!kCone) {
       for (int k = 0; k < kRows; ++k) out[k] = p[slot.row + from + k] * in[k];
@@ -145,7 +145,7 @@ struct JacobianVjpHalf {
         const Index row = slot.row + k;
         in[k] = fma_(number(workspace.R, row), number(workspace.w_bar(), row), number(workspace.lambda_bar(), row));
       }
-      times_G_rows<decltype(is_cone)::value, kRows>(slot, s, 0, in, out);
+      times_hessian_rows<decltype(is_cone)::value, kRows>(slot, s, 0, in, out);
       for (int k = 0; k < kRows; ++k) out[k] = number(workspace.w_bar(), slot.row + k) - out[k];
       push_rows<kRows>(slot, a, out);
     });
@@ -168,7 +168,7 @@ struct JacobianVjpHalf {
         for (Index c = 0; c < slot.columns; ++c) seed[k] = fma_(entry(first + c), a[slot.dof[c]], seed[k]);
         in[k] = fma_(number(workspace.R, row), number(workspace.w_bar(), row), seed[k]);
       }
-      times_G_rows<decltype(is_cone)::value, kRows>(slot, s, 0, in, out);
+      times_hessian_rows<decltype(is_cone)::value, kRows>(slot, s, 0, in, out);
       for (int k = 0; k < kRows; ++k) {
         const Index row = slot.row + k;
         out[k] = number(workspace.w_bar(), row) - out[k];

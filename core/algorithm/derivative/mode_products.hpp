@@ -6,7 +6,7 @@
 /// side by side. `Modes` says which. Its Wide is double or a pack of doubles, each lane of which has a double's
 /// operations in their order.
 ///
-///   rows(), row(i), R(i)      rows and their numbers; row(i) has count, column(k), value(k)
+///   rows(), row(i), compliance(i)  rows and their numbers; row(i) has count, column(k), value(k)
 ///   cones(), cone(c)          cones and their unknowns
 ///   cone_of(i)                those of the cone of row i
 ///   kMayHaveFactor, factor()  whether A = Y Y' may come as Y
@@ -42,7 +42,7 @@ struct EnvModes {
   const DerivativeScratch& s;
 
   [[nodiscard]] STICTION_HD Index rows() const { return env.n; }
-  [[nodiscard]] STICTION_HD double R(Index i) const { return static_cast<double>(env.R[i]); }
+  [[nodiscard]] STICTION_HD double compliance(Index i) const { return static_cast<double>(env.R[i]); }
   [[nodiscard]] STICTION_HD StoredRow<Real> row(Index i) const {
     return {env.A + env.row_offsets[i], env.columns(i), env.entries(i)};
   }
@@ -100,7 +100,7 @@ STICTION_HD void apply_factor(TeamT& team, const Modes& modes, const double* in,
   });
   for_each(team, env.n, [&](Index i) {
     const auto* const y = env.factor + static_cast<Offset>(i) * env.dofs;
-    double sum = fma_(modes.R(i), in[i], base(i));
+    double sum = fma_(modes.compliance(i), in[i], base(i));
     for (Index k = 0; k < env.dofs; ++k) sum = fma_(static_cast<double>(y[k]), modes.s.velocity[k], sum);
     store(i, sum);
   });
@@ -115,7 +115,7 @@ STICTION_HD void apply_rows(TeamT& team, const Modes& modes, const typename Mode
     if (modes.factor() != nullptr) return apply_factor(team, modes, in, base, store);
   const auto apply_one = [&](Index i) {
     const auto row = modes.row(i);
-    Wide sum = fma_(modes.R(i), in[i], base(i));
+    Wide sum = fma_(modes.compliance(i), in[i], base(i));
     for (Index k = 0; k < row.count; ++k) sum = fma_(row.value(k), in[row.column(k)], sum);
     store(i, sum);
   };
@@ -128,7 +128,7 @@ STICTION_HD void apply_rows(TeamT& team, const Modes& modes, const typename Mode
         continue;
       }
       Wide sum[kRowsTogether];
-      for (Index r = 0; r < kRowsTogether; ++r) sum[r] = fma_(modes.R(i + r), in[i + r], base(i + r));
+      for (Index r = 0; r < kRowsTogether; ++r) sum[r] = fma_(modes.compliance(i + r), in[i + r], base(i + r));
       add_rows_together(modes, i, in, sum);
       for (Index r = 0; r < kRowsTogether; ++r) store(i + r, sum[r]);
       i += kRowsTogether;
@@ -148,7 +148,7 @@ STICTION_HD void apply_columns(TeamT& team, const Modes& modes, const typename M
   if constexpr (Modes::kMayHaveFactor)
     if (modes.factor() != nullptr)
       return apply_factor(team, modes, in, base, [&](Index j, double value) { out[j] = value; });
-  for_each(team, modes.rows(), [&](Index j) { out[j] = fma_(modes.R(j), in[j], base(j)); });
+  for_each(team, modes.rows(), [&](Index j) { out[j] = fma_(modes.compliance(j), in[j], base(j)); });
   if (modes.is_full() && team.size() > 1) {
     for_each(team, modes.rows(), [&](Index j) {
       for (Index i = 0; i < modes.rows(); ++i)

@@ -37,7 +37,7 @@ struct LaneModes {
   Index cone_count = 0;
 
   [[nodiscard]] Index rows() const { return s.n; }
-  [[nodiscard]] Wide R(Index i) const { return s.R[i]; }
+  [[nodiscard]] Wide compliance(Index i) const { return s.R[i]; }
   [[nodiscard]] LaneRow<Real, W> row(Index i) const { return {s.A + Offset{i} * s.n * W, s.n}; }
   [[nodiscard]] static bool is_full() { return true; }
   [[nodiscard]] Index cones() const { return cone_count; }

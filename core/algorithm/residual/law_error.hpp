@@ -127,6 +127,7 @@ STICTION_HD Real sliding_error_square(const Real (&x)[M], const Real (&y)[M], co
 template <Law kLaw, class Real, int M>
 STICTION_HD_PART Real friction_error_square(const Real (&x_unit)[M], const Real (&y_unit)[M],
                                             const ConeMetric<Real, M>& metric) {
+  static_assert(kLaw != kLawOfSystem, "with_law() asks the system");
   constexpr auto kNone = __builtin_huge_valf();
   Real x[M];
   Real y[M];

@@ -165,6 +165,7 @@ STICTION_HD auto step_with_friction(const System& s, Index cone, Index row, cons
 /// The steps of friction cones under either law, for step_with_friction().
 template <Law kLaw>
 struct FrictionConeStep {
+  static_assert(kLaw != kLawOfSystem, "sweep_by_law() asks the system");
   template <int M, class System>
   static STICTION_HD auto of(const System& s, Index cone, Index row, const typename System::Real (&y)[M],
                              typename System::Real omega) {

@@ -43,7 +43,7 @@ struct BlockRenewal {
     }
     find_feedback(c);
     divide_by_slip(c, change);
-    terms.times_G(c, change, answer);
+    terms.times_hessian(c, change, answer);
     for (Index k = 0; k < count; ++k) n.x[first + k] = n.x[first + k] - answer[k];
   }
 
@@ -75,7 +75,7 @@ struct BlockRenewal {
     if (!turns) return;
     change[0] = change[0] + along;
     divide_by_slip(c, change);
-    terms.times_G(c, change, answer);
+    terms.times_hessian(c, change, answer);
     double slip = 0.0;
     for (Index k = 1, row = first + 1; k < count; ++k, ++row) {
       const double w = n.mu[row] * fma_(n.R[row], n.x[row] - answer[k], n.motion[row] + Jp[k]);
@@ -106,7 +106,7 @@ struct BlockRenewal {
     const Index first = terms.cones().row[c], count = terms.cones().rows(c);
     double in[kMaxConeRows] = {}, out[kMaxConeRows] = {};
     for (Index k = 0; k < count; ++k) in[k] = n.R[first + k] * n.sigma[first + k];
-    terms.times_G(c, in, out);
+    terms.times_hessian(c, in, out);
     for (Index k = 0; k < count; ++k) n.feedback[first + k] = out[k];
   }
 
@@ -128,7 +128,7 @@ struct BlockRenewal {
     for (Index i = 0; i < kBodyBlock; ++i) {
       double column[kMaxConeRows] = {};
       for (Index k = 0; k < count; ++k) column[k] = J[k * kBodyBlock + i];
-      terms.times_G(c, column, turned[i]);
+      terms.times_hessian(c, column, turned[i]);
       const double normal = div_(turned[i][0], 1.0 + n.feedback[first]);
       for (Index k = 0; k < count; ++k) turned[i][k] = fma_(0.0 - n.feedback[first + k], normal, turned[i][k]);
       for (Index k = 0; k < count; ++k) turned[i][k] = fma_(n.sigma[first + k], normal, turned[i][k]);

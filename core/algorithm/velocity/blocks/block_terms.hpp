@@ -89,7 +89,7 @@ struct BlockTerms {
   }
 
   /// out = G in for the rows of a cone.
-  STICTION_HD void times_G(Index c, const double (&in)[kMaxConeRows], double (&out)[kMaxConeRows]) const {
+  STICTION_HD void times_hessian(Index c, const double (&in)[kMaxConeRows], double (&out)[kMaxConeRows]) const {
     const Index first = cones().row[c], count = cones().rows(c);
     if (count == 1) {
       out[0] = n.G_rows[first] * in[0];
@@ -162,7 +162,7 @@ struct BlockTerms {
     for_each(team, cones().cones, [&](Index c) {
       double Jp[kMaxConeRows] = {}, GJp[kMaxConeRows] = {};
       times_cone(c, n.step, Jp);
-      times_G(c, Jp, GJp);
+      times_hessian(c, Jp, GJp);
       double curve = 0.0;
       double size = 0.0;
       for (Index k = 0, row = cones().row[c]; row < cones().row[c + 1]; ++k, ++row) {
@@ -222,7 +222,7 @@ struct BlockTerms {
     for (Index i = 0; i < kBodyBlock; ++i) {
       double column[kMaxConeRows] = {};
       for (Index k = 0; k < count; ++k) column[k] = J[k * kBodyBlock + i];
-      times_G(c, column, GJ[i]);
+      times_hessian(c, column, GJ[i]);
     }
     for (Index other = cones().begin[c]; other <= t; ++other)
       add_block(GJ, count, other, H.block(find_block(H.pattern, cones().block[t], cones().block[other])));

@@ -21,8 +21,8 @@ STICTION_HD void visit_slots(const SlotT* slots, const SlotCounts& counts, F&& f
   }
 }
 
-/// Adds to terms.hessian(). terms.entry(i) is a number of J. terms.times_G_rows<kCone, kRows>(slot, number, from, in,
-/// out) writes G in, for rows of a slot or for kRows slots of one row each. Such slots touch the same degrees of
+/// Adds to terms.hessian(). terms.entry(i) is a number of J. terms.times_hessian_rows<kCone, kRows>(slot, number, from,
+/// in, out) writes G in, for rows of a slot or for kRows slots of one row each. Such slots touch the same degrees of
 /// freedom.
 template <class Terms>
 struct HessianRows {
@@ -39,7 +39,7 @@ struct HessianRows {
     for (int c = 0; c < kColumns; ++c) {
       Value in[kRows];
       for (int k = 0; k < kRows; ++k) in[k] = terms.entry(begin + static_cast<Offset>(k) * slot.columns + first + c);
-      terms.template times_G_rows<kCone, kRows>(slot, s, from, in, out[c]);
+      terms.template times_hessian_rows<kCone, kRows>(slot, s, from, in, out[c]);
       row[c] = hessian.from(terms.tree.begin[slot.dof[first + c]]);
     }
     const auto add = [&](int c, Index other, const Value(&entry)[kRows]) {

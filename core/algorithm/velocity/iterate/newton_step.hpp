@@ -96,7 +96,8 @@ struct NewtonPack {
 
   /// out = G in for the rows of a cone, in the batch's coordinates.
   template <int kRows>
-  STICTION_HD void times_G(const SlotOf<Types>& slot, Index s, const Wide (&in)[kRows], Wide (&out)[kRows]) const {
+  STICTION_HD void times_hessian(const SlotOf<Types>& slot, Index s, const Wide (&in)[kRows],
+                                 Wide (&out)[kRows]) const {
     const Wide across = workspace.G_cones[3 * s];
     const Wide slide = workspace.G_cones[3 * s + 1];
     const Wide bend = workspace.G_cones[3 * s + 2];
@@ -114,10 +115,10 @@ struct NewtonPack {
 
   /// out = G in for rows of a slot, or of kRows slots of one row each that touch the same degrees of freedom.
   template <bool kCone, int kRows>
-  STICTION_HD void times_G_rows(const SlotOf<Types>& slot, Index s, Index from, const Wide (&in)[kRows],
-                                Wide (&out)[kRows]) const {
+  STICTION_HD void times_hessian_rows(const SlotOf<Types>& slot, Index s, Index from, const Wide (&in)[kRows],
+                                      Wide (&out)[kRows]) const {
     if constexpr (kCone) {
-      times_G<kRows>(slot, s, in, out);
+      times_hessian<kRows>(slot, s, in, out);
     } else {
       for (int k = 0; k < kRows; ++k) out[k] = workspace.G_rows[slot.row + from + k] * in[k];
     }
@@ -143,7 +144,7 @@ struct NewtonPack {
           Wide Jp[kRows];
           Wide GJp[kRows];
           for (int k = 0; k < kRows; ++k) Jp[k] = workspace.Jp[slot.row + k];
-          times_G<kRows>(slot, s, Jp, GJp);
+          times_hessian<kRows>(slot, s, Jp, GJp);
           for (int k = 0; k < kRows; ++k) subtract_row(slot, k, workspace.gradient, Wide(0) - GJp[k]);
         });
   }
@@ -161,7 +162,7 @@ struct NewtonPack {
           Wide Jp[kRows];
           Wide GJp[kRows];
           for (int k = 0; k < kRows; ++k) Jp[k] = times_row(slot, k, workspace.step, Wide(0));
-          times_G<kRows>(slot, s, Jp, GJp);
+          times_hessian<kRows>(slot, s, Jp, GJp);
           for (int k = 0; k < kRows; ++k) {
             workspace.Jp.put(slot.row + k, Jp[k]);
             workspace.GJp.put(slot.row + k, GJp[k]);
