@@ -68,10 +68,12 @@ STICTION_HD_PART void record_iterate(TeamT& team, System& s, Mask<typename Syste
 template <class Method, Law kLaw, Team TeamT, class System>
 STICTION_HD_OUTLINE void update_best(TeamT& team, System& s, Mask<typename System::Real> due) {
   if constexpr (!Method::template kKeepsMotion<System>) refresh_motion(team, s);
-  with_law<kLaw>(s, [&](auto law) {
-    record_iterate<kTakesSemidefinite<Method> && kMayHaveSemidefinite<System>, decltype(law)::value>(
-        team, without_matrix(s), due);
-  });
+  constexpr bool kMatrices = kTakesSemidefinite<Method> && kMayHaveSemidefinite<System>;
+  if constexpr (kLaw == kLawOfSystem) {
+    with_law<kLaw>(s, [&](auto law) { record_iterate<kMatrices, decltype(law)::value>(team, without_matrix(s), due); });
+  } else {  // by no reference to the system, whose addresses a device keeps in registers
+    record_iterate<kMatrices, kLaw>(team, without_matrix(s), due);
+  }
 }
 
 }  // namespace stiction::inline STICTION_ISA
