@@ -71,8 +71,8 @@ STICTION_HD_OUTLINE void update_best(TeamT& team, System& s, Mask<typename Syste
   constexpr bool kMatrices = kTakesSemidefinite<Method> && kMayHaveSemidefinite<System>;
   if constexpr (kLaw == kLawOfSystem) {
     with_law<kLaw>(s, [&](auto law) { record_iterate<kMatrices, decltype(law)::value>(team, without_matrix(s), due); });
-  } else {  // by no reference to the system, whose addresses a device keeps in registers
-    record_iterate<kMatrices, kLaw>(team, without_matrix(s), due);
+  } else {  // the system itself: a device keeps its addresses in registers
+    record_iterate<kMatrices, kLaw>(team, s, due);
   }
 }
 
