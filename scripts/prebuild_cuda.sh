@@ -29,7 +29,7 @@ nvcc=$("$CUDACXX" --version | sed -n 's/.*, V\([0-9.]*\)$/\1/p')
 python3 "$root/tools/prebuilt_cuda.py" pack "$folder" "$archive" --nvcc "$nvcc" --architectures 90
 note "$((SECONDS - begin)) s"
 
-# What the solvers' machine code needs must not have grown (docs/explanation/numerics.md); a table of another nvcc is
+# The needs of the solvers' machine code must not have grown (tests/ptx/README.md); a table of another nvcc is
 # skipped. nvcc compresses large objects, which cuobjdump reads (PyPI: nvidia-cuda-cuobjdump).
 command -v cuobjdump > /dev/null || { note "no cuobjdump: the budgets of the solvers are not compared"; exit 0; }
 mapfile -t solvers < <(printf '%s\n' "${objects[@]}" | grep stiction_cuda_translated | sed "s#^#$folder/#")

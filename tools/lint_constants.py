@@ -132,7 +132,7 @@ def check_tree(root):
 
 
 def self_test():
-    """Of a small tree that is clean, each planted definition is found."""
+    """Each definition that is planted in a small clean tree is found."""
     clean = {
         "core/algorithm/sweep/sweep.hpp": "inline constexpr int kSweeps = 48, kMost = 3072;\nconstexpr double kPart = 1e-2, kSlope = 7e-2;\n",
         "core/algorithm/newton/loop.hpp": "/// kSweeps = 48 (docs/math/newton.md, (1) and (2)).\nstatic constexpr int kMine = kSweeps;\n"

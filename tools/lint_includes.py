@@ -79,7 +79,7 @@ TABLE = [
     Row("core/graph", [PUBLIC, "core/graph", "core/base/fp_env.hpp"]),
     Row("core/runtime", [PUBLIC, "core/base", "core/job", "core/plan", "core/machine", "core/runtime"]),
     Row("core/facade", [PUBLIC, "core/base", "core/job", "core/plan", "core/machine", "core/runtime", "core/facade"]),
-    # What is checked of a hostile file before HDF5 reads it.
+    # Checks of a hostile file before HDF5 reads it.
     Row("core/io/guard", [PUBLIC, "core/io/guard"], foreign=("hdf5.h", "H5")),
     Row("core/io", [PUBLIC, "core/io", "core/base/fp_env.hpp"], foreign=("hdf5.h", "H5", "fcntl.h", "unistd.h")),
     # The rooms of the two machines; the folders themselves hold no sources.

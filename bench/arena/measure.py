@@ -1,4 +1,4 @@
-"""What races of solvers share: the judge, a clock of processor time, the machine's name, tables."""
+"""Races of solvers share the judge, a clock of processor time, the machine's name, tables."""
 
 import argparse
 import csv

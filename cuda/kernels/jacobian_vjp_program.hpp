@@ -28,15 +28,7 @@ struct VjpLanesProgram {
   static constexpr bool kSerial = false;
   static constexpr int kThreads = cuda::kTeamThreads;
 
-  /// One lane's environment after the other.
-  struct Place {
-    const Args& args;
-    Offset team;
-    Index lane;
-    [[nodiscard]] STICTION_HD Index* islands() const {
-      return args.islands + (team * cuda::kWarp + lane) * args.islands_per_lane;
-    }
-  };
+  using Place = LanePlace<Args>;
 
   /// An environment, or a part of one.
   static STICTION_HD JacobianVjpResult vjp(const LaneEnv<Real>& part, double scale, const Place& place) {

@@ -39,7 +39,19 @@ LaneRoom lay_out_lanes(Index env_rows, Index env_dofs) {
 
 namespace stiction::inline STICTION_ISA {
 
-/// What a lane takes for its environment.
+/// A lane of a team, which takes one environment after the other.
+template <class Args>
+struct LanePlace {
+  const Args& args;
+  Offset team;
+  Index lane;
+  /// Integers for the parts of its environment  (islands_per_lane)
+  [[nodiscard]] STICTION_HD Index* islands() const {
+    return args.islands + (team * cuda::kWarp + lane) * args.islands_per_lane;
+  }
+};
+
+/// Memory that a lane takes for its environment.
 template <class Types>
 struct LaneMemory {
   const cuda::LaneRoom& room;

@@ -32,13 +32,7 @@ struct SolveVelocities {
   static constexpr bool kSerial = false;
   static constexpr int kThreads = cuda::kTeamThreads;
 
-  /// One lane's environment after the other.
-  struct Place {
-    const Args& args;
-    Offset team;
-    Index lane;
-    STICTION_HD Index* islands() const { return args.islands + (team * cuda::kWarp + lane) * args.islands_per_lane; }
-  };
+  using Place = LanePlace<Args>;
 
   /// Solves an environment, or a part of one.
   static STICTION_HD VelocityResult solve(LaneEnv<Real> part, const Place& place) {

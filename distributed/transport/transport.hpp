@@ -7,7 +7,7 @@
 
 #include "stiction/error.hpp"
 
-/// What ranks send one another, and how long they wait for it (docs/howto/ranks.md).
+/// Messages of ranks, and how long they wait for them (docs/howto/ranks.md).
 namespace stiction::distributed {
 
 /// Bytes to a rank.

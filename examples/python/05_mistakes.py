@@ -1,4 +1,4 @@
-"""What the package says to mistakes: makes each one and prints the error, as rows of the table in MISTAKES.md."""
+"""Makes each mistake and prints the error, as rows of the table in MISTAKES.md."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""What docs/explanation/demonstrations.md shows is what happens."""
+"""Demonstrations of docs/explanation/demonstrations.md happen as they are shown."""
 
 import re
 import runpy

@@ -276,7 +276,7 @@ TEST(VelocityLanes, ABrokenEnvironmentIsLeftAndChangesNoOther) {
       const auto without = solve_in_packs<double>(*isa, sound, order, 1e-8);
       EXPECT_GE(std::count(without.answered.begin(), without.answered.end(), 1), 20);
       EXPECT_EQ(with_fault.answered[11], 0);
-      // Of what is not solved nothing is written.
+      // Nothing is written of an unsolved environment.
       const auto view = batch.view();
       for (Offset row = view.env_row_offsets[11]; row < view.env_row_offsets[12]; ++row) {
         EXPECT_EQ(with_fault.lambda[static_cast<std::size_t>(row)], -7.0);

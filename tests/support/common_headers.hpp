@@ -22,7 +22,7 @@
 #include "stiction/error.hpp"
 #include "stiction/solver.hpp"
 
-// Of these common_instances.cpp holds the code: a test compiles none of it.
+// common_instances.cpp holds the code of these: a test compiles none of it.
 extern template class std::vector<char>;
 extern template class std::vector<unsigned char>;
 extern template class std::vector<int>;

@@ -96,7 +96,7 @@ inline void add_matrix_goldens(GoldenCases& cases) {
   }
 }
 
-/// What else reaches the bits (docs/reference/determinism.md), on environments of several islands.
+/// Options that reach the bits (docs/reference/determinism.md), on environments of several islands.
 inline void add_option_goldens(GoldenCases& cases) {
   const auto scene = std::make_shared<const ContactBatch<double>>(golden_batch(kGoldenScenes[4]));
   const auto add = [&](const std::string& name, const SolverOptions& options, bool warm = false) {

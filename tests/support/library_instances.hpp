@@ -6,8 +6,8 @@
 #include "cpu_fallback/tables/shared_instances.hpp"
 #endif
 
-/// What the library has compiled of loading, recording and judging, on one lane and on the emulated device's teams.
-/// Builds of packs alone have neither, and a build for one machine has no baseline.
+/// The library's instances of loading, recording and judging, on one lane and on the emulated device's teams. Builds of
+/// packs alone have neither, and a build for one machine has no baseline.
 namespace stiction::inline STICTION_ISA {
 
 #if !defined(STICTION_PACKS_ALONE)

@@ -22,7 +22,7 @@ inline constexpr AloneRules kWithoutMatrices{{}, 0};
 inline constexpr AloneRules kSparse{EnvPath::sparse};
 inline constexpr AloneRules kSparseWithoutMatrices{EnvPath::sparse, 0};
 
-/// That environment's answer, on one lane. What a kernel reads before it writes would show: its memory is NaN.
+/// Solves one environment on one lane. A kernel that reads before it writes would show: its memory is NaN.
 template <class Real>
 Solution<Real> solve_alone(const ContactBatch<Real>& batch, const SolverOptions& options, Offset environment = 0,
                            const AloneRules& rules = {}) {

@@ -24,7 +24,7 @@ Solution<Real> solve_on_lanes(const ContactBatch<Real>& batch, const SolverOptio
   const EnvView<Real> env = slice(batch.view(), view_of(plan), kLaw, guess.empty() ? nullptr : guess.data(),
                                   solution.lambda.data(), solution.w.data(), solution.status.data(), Offset{0});
   const StopRule rule{options.tolerance, options.max_iterations, options.stall_window};
-  // What an algorithm reads before it writes would show: no memory of a GPU is zero without being written.
+  // An algorithm that reads before it writes would show: no memory of a GPU is zero without being written.
   std::vector<Real> memory(static_cast<std::size_t>(elements_of<System>(env, kWorkspace)),
                            static_cast<Real>(__builtin_nan("")));
   const auto solve = [&](auto& team) {

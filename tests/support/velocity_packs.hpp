@@ -79,7 +79,7 @@ class OverwrittenScratch {
     std::fill_n(numbers(), kNumbers, std::numeric_limits<double>::quiet_NaN());
     return scratch_;
   }
-  /// Whether anything was written into the numbers since.
+  /// Returns true if anything was written into the numbers since.
   bool is_used() {
     return std::any_of(numbers(), numbers() + kNumbers, [](double x) { return !std::isnan(x); });
   }

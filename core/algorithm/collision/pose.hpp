@@ -2,7 +2,7 @@
 
 #include "core/algorithm/rigid/vector3.hpp"
 
-/// Where a body is: quaternions and axes, by products, quotients and square roots alone (docs/howto/stepping.md).
+/// A body's place: quaternions and axes, by products, quotients and square roots alone (docs/howto/stepping.md).
 namespace stiction::inline STICTION_ISA {
 
 template <class T>

@@ -79,7 +79,7 @@ STICTION_HD void add_rows_together(const Modes& modes, Index first, const Wide* 
   sum[3] = sum_d;
 }
 
-/// Whether kRowsTogether rows store as many entries.
+/// Returns true if kRowsTogether rows store as many entries.
 template <class Modes>
 STICTION_HD bool are_alike(const Modes& modes, Index first) {
   if (first + kRowsTogether > modes.rows()) return false;

@@ -25,7 +25,7 @@ STICTION_HD void add_moved(const Wide* F, Wide moved, Index begin, Index end, co
   }
 }
 
-/// Whether a contact slides that more pressure would press on less. `normal_gain`: its diagonal entry of G.
+/// Returns true if a contact slides that more pressure would press on less. `normal_gain`: its diagonal entry of G.
 STICTION_HD bool is_unstable(Index mode, double normal_gain) {
   return mode == static_cast<Index>(ConeMode::sliding) && !(normal_gain > 0.0);
 }
@@ -145,7 +145,7 @@ STICTION_HD void solve_system(TeamT& team, const Matrix& K, const Scratch& s) {
   for_each(team, K.n, [&](Index k) { s.unknown[k] = s.unknown[k] * s.column_scale[k]; });
 }
 
-/// Whether something is true on every lane of a team; in lanes of a pack, which one thread has, that of each.
+/// Returns `mine` of every lane of a team at once; in lanes of a pack, which one thread has, that of each.
 template <Team TeamT, class Truth>
 STICTION_HD Truth true_on_all(TeamT& team, Truth mine) {
   if constexpr (std::is_same_v<Truth, bool>) {

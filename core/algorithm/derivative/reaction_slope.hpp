@@ -31,7 +31,7 @@ struct ReactionSlope {
   Mask<Wide> is_tied;  ///< between two modes
 };
 
-/// Where a contact slides along d, reactions stay on the cone. Their change is minimal in R and the curvature
+/// A contact slides along d: reactions stay on the cone. Their change is minimal in R and the curvature
 /// c = y_n / x_n. Eliminating the normal leaves a diagonal matrix and one of rank one.
 template <int kRows, class Wide>
 STICTION_HD ReactionSlope<kRows, Wide> reaction_slope(const SlopePoint<kRows, Wide>& point, Wide tie) {

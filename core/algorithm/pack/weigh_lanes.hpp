@@ -3,11 +3,11 @@
 #include "core/algorithm/pack/pack_workspace.hpp"
 #include "core/algorithm/residual/final_residual.hpp"
 
-/// What an error counts as in each cone of a pack's environments.
+/// Weights of errors in the cones of a pack's environments.
 namespace stiction::inline STICTION_ISA {
 
-/// What the final residual needs and no iteration changes, in the lanes being loaded: the metric of each cone, from the
-/// diagonal in double.
+/// Writes the metric of each cone, from the diagonal in double, in the lanes being loaded. The final residual needs it,
+/// and no iteration changes it.
 template <class Real, int W>
 void weigh_cones(const ConeCounts& slots, const PackWorkspace<Real, W>& workspace, const Pack<Real, W>& loading_mark) {
   using Wide = Pack<double, kWideLanes<Real, W>>;

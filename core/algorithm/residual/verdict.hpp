@@ -24,7 +24,7 @@ STICTION_HD ErrorScale error_scale(double largest) {
   return {max_(largest, 1e-300), error_unit(largest)};
 }
 
-/// What a judge sees of an answer.
+/// An answer's errors, as a judge sees them.
 struct FinalResidual {
   double residual =
       0.0;  ///< largest error of contacts that can move, each over its island's share of the largest scale [w]
@@ -113,7 +113,7 @@ struct LargestResidual {
   }
 };
 
-/// What is seen of one environment, from its largest squares.
+/// Errors of one environment, from its largest squares.
 STICTION_HD FinalResidual final_residual_of(const LargestResidual<double>& largest, const ErrorScale& scale) {
   return {div_(sqrt_(largest.square), scale.unit), div_(sqrt_(largest.stuck), scale.unit),
           div_(sqrt_(largest.plain), scale.unit), div_(0x1p-53 * sqrt_(largest.size), scale.unit),
@@ -131,7 +131,7 @@ STICTION_HD FinalResidual final_residual_of(TeamT& team, const LargestResidual<d
   return final_residual_of(largest, scale);
 }
 
-/// What an answer's error is held against.
+/// Bounds that an answer's error is held against.
 struct Allowance {
   double tolerance;  ///< on the relative residual [-]
   double absolute;   ///< on the absolute one [w]
@@ -143,7 +143,7 @@ struct Verdict {
   bool is_solved;      ///< one of them is as small as allowed
   bool is_rounding;    ///< neither, and roundings of the reactions are what is left
   bool is_infeasible;  ///< neither, for contacts alone that cannot move; all others are as near as allowed
-  /// Whether no other method could do better.
+  /// Returns true if no other method could do better.
   [[nodiscard]] STICTION_HD bool is_final() const { return is_solved || is_rounding || is_infeasible; }
   /// How the environment ended, `otherwise` where none of these is so.
   [[nodiscard]] STICTION_HD EnvCode code(EnvCode otherwise) const {

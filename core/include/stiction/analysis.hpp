@@ -33,7 +33,7 @@ struct AnalysisOptions {
   Index max_dense_rows = 512;    ///< environments of more rows are not factorised
 };
 
-/// What one environment's operator is like. NaN, rank -1 and Definiteness::unknown: not determined
+/// Properties of one environment's operator. NaN, rank -1 and Definiteness::unknown: not determined
 /// (docs/howto/analysis.md).
 ///
 /// Sizes are singular values, which mean the same for every matrix: s_max = |A| and s_min = 1 / |A^-1| in the 2-norm.

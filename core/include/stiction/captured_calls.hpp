@@ -1,7 +1,7 @@
 #pragma once
 
 /// \file
-/// Whether calls became part of a CUDA graph, for those who replace solvers (docs/explanation/cuda.md).
+/// Tells if calls became part of a CUDA graph, for those who replace solvers (docs/explanation/cuda.md).
 
 #include <cstdint>
 

@@ -1,7 +1,7 @@
 #pragma once
 
 /// \file
-/// What the CPU's threads do in solves: work, or wait for one another (docs/howto/threads.md).
+/// Times of the CPU's threads in solves: they work, or wait for one another (docs/howto/threads.md).
 
 #include <vector>
 

@@ -1,7 +1,7 @@
 #pragma once
 
 /// \file
-/// Where the time of solves goes (docs/howto/tracing.md).
+/// Spans of time in solves (docs/howto/tracing.md).
 
 #include <chrono>
 #include <cstddef>

@@ -68,7 +68,7 @@ bool holds_chunk(hid_t dataset, hsize_t begin, const std::vector<H5Z_filter_t>& 
          unpacked_size(filters, skipped, content, wanted) == wanted;
 }
 
-/// What is wrong with the chunks of a dataset of so many bytes, or nothing.
+/// Names the defect in the chunks of a dataset of so many bytes, or nothing.
 std::string chunk_defect(const Claim& claim, hid_t properties, std::size_t bytes, std::uint64_t file_bytes) {
   const int filters = H5Pget_nfilters(properties);
   bool deflated = false;

@@ -18,7 +18,7 @@ bool is_standard(hid_t type, H5T_class_t type_class);
 /// Values that a reader expects in a dataset.
 enum class Values { real, integer, text };
 
-/// What is wrong with the type of a dataset that is to hold such values, or nothing.
+/// Names the defect in the type of a dataset that is to hold such values, or nothing.
 std::string type_defect(hid_t type, Values values);
 
 /// A dataset of one dimension, open, with what it claims to hold.
@@ -28,7 +28,7 @@ struct Claim {
   std::size_t count;
 };
 
-/// What is wrong with the claim, by what a file of so many bytes stores for the dataset, or nothing.
+/// Names the defect in the claim, by what a file of so many bytes stores for the dataset, or nothing.
 std::string storage_defect(const Claim& claim, std::uint64_t file_bytes);
 
 }  // namespace stiction::io

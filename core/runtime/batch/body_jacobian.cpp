@@ -17,7 +17,7 @@ std::array<double, 9> inverse(const std::array<double, 6>& m) {
   return {cxx / det, cxy / det, cxz / det, cxy / det, cyy / det, cyz / det, cxz / det, cyz / det, czz / det};
 }
 
-/// What a contact's normal row asks for, as far as it moves (docs/howto/bodies.md).
+/// Velocity that a contact's normal row asks for, as far as it moves (docs/howto/bodies.md).
 struct Target {
   double velocity, by_depth, bounce;
 };

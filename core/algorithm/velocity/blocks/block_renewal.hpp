@@ -58,7 +58,7 @@ struct BlockRenewal {
     });
   }
 
-  /// Where the step d leads: motion and shift of a cone. n.Jp becomes J d.
+  /// Moves motion and shift of a cone along the step p. n.Jp becomes J p.
   STICTION_HD void follow_cone(Index c) const {
     const BlockWorkspace& n = terms.n;
     const Index first = terms.cones().row[c], count = terms.cones().rows(c);

@@ -163,7 +163,7 @@ struct CheckpointShare {
 /// read, and no others. \throws Error
 CheckpointShare read_checkpoint(const std::filesystem::path& path, Offset environments, CheckpointBodies bodies);
 
-/// What the parts of a checkpoint have in common (docs/reference/file_formats.md).
+/// Data that the parts of a checkpoint share (docs/reference/file_formats.md).
 struct CheckpointParts {
   std::string run;                      ///< of CheckpointFile
   std::int64_t step = 0;                ///< of CheckpointFile
