@@ -19,16 +19,16 @@ case $kind in
     # Checks as calls, and none of the stack: else a kernel takes four times as long to compile. The fuzzers' build checks
     # the stack, and undefined behaviour in kernels.
     # Scratch holds other numbers every time: what is read before it is written shows where bits are compared.
-    # Packs of 16 bytes are those for any x86-64, of 32 those for AVX2, and as wide as AVX-512's the tests' own.
-    options+=(-DSTICTION_ENABLE_AVX512=OFF -DSTICTION_CPU_KERNELS=native -DSTICTION_TEST_PACKS=wide
+    # Packs of 32 bytes are those for AVX2. Those of 16, and as wide as those for AVX-512, are tests' own.
+    options+=(-DSTICTION_ENABLE_AVX512=OFF -DSTICTION_CPU_KERNELS=native
       "-DSTICTION_LIBRARY_OPTIONS=-O1;-g1;-fno-omit-frame-pointer;-fsanitize=address;SHELL:--param asan-instrumentation-with-call-threshold=0;SHELL:--param asan-stack=0;-DSTICTION_NOISY_SCRATCH"
       "-DSTICTION_CORE_OPTIONS=-fsanitize=undefined;-fno-sanitize-recover=all"
       "-DCMAKE_EXE_LINKER_FLAGS=-fsanitize=address,undefined" "-DCMAKE_SHARED_LINKER_FLAGS=-fsanitize=address,undefined")
     targets=()
-    # determinism_test_isa and _isa_forms go through packs of every width by themselves. What is left out by name takes minutes
-    # to run or, of teams and lanes, to compile, and runs no code of the library that others do not.
+    # determinism_test_isa and _isa_forms go through packs of every width by themselves. What is left out by name takes
+    # minutes and runs no code of the library that others do not.
     chosen=(-L 'unit|algorithm|twin|determinism|c_api' -LE isa
-      -E 'golden|twin_test_fallback_chain|unit_test_scenes|algorithm_test_(.*_table|multigrid|torture.*|.*lanes|newton_gradients)$')
+      -E 'golden|twin_test_fallback_chain|unit_test_scenes|algorithm_test_.*_table|algorithm_test_multigrid$')
     export ASAN_OPTIONS=allocator_may_return_null=1:detect_leaks=0:quarantine_size_mb=32 UBSAN_OPTIONS=print_stacktrace=1
     ;;
   thread)
@@ -39,11 +39,11 @@ case $kind in
       "-DCMAKE_SHARED_LINKER_FLAGS=-fsanitize=thread")
     targets=(determinism_test_threads determinism_test_bodies determinism_test_worlds unit_test_thread_pool
       unit_test_parallel_for unit_test_solver)
-    # Every solver runs on the emulated device's teams, whose threads meet at barriers and nowhere else. What torture tests
-    # instantiate of solvers for teams of their own is not compiled once more: without a sanitizer they race it in every run.
+    mapfile -t solvers < <(sed -n 's/^stiction_add_solver(\([a-z0-9_]*\).*/\1/p' "$root/cmake/solvers.cmake")
+    targets+=("${solvers[@]/#/algorithm_test_torture_}")
     for file in "$root"/tests/algorithm/test_torture*.cpp "$root"/tests/twin/test_device_*.cpp; do
       case $file in  # minutes, of code that others run
-        *_golden.cpp | *_failures.cpp | *_replay.cpp | *_trace.cpp | *_torture_lemke.cpp) continue ;;
+        *_golden.cpp | *_failures.cpp | *_replay.cpp | *_trace.cpp) continue ;;
       esac
       targets+=("$(basename "$(dirname "$file")")_$(basename "$file" .cpp)")
     done

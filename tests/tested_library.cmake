@@ -10,15 +10,12 @@ endforeach()
 
 # Packs of 16 and of 64 bytes, whatever vectors the machine has: the first are those of any x86-64 or of NEON, the second are
 # split by the compiler. They are the tests' own and reach the library's tables when the shared library is loaded.
-set(STICTION_TEST_PACKS AUTO CACHE STRING
-    "Packs that tests add where kernels for AVX2 are built: narrow, wide, or AUTO, which is both")
-string(REPLACE "AUTO" "narrow;wide" _packs "${STICTION_TEST_PACKS}")
 set(_widths)
 stiction_solver_table(_table ${PROJECT_SOURCE_DIR}/cpu_fallback/kernels/solvers.cpp.in isa/solvers.cpp ${STICTION_SWEEPING_SOLVERS})
 set(_sweeping ${STICTION_SWEEPING_SOLVERS})
 list(TRANSFORM _sweeping REPLACE "(.+)" "${PROJECT_BINARY_DIR}/cpu_fallback/kernels/\\1.cpp")
 if(TARGET stiction_cpu_avx2)
-  foreach(width IN LISTS _packs)
+  foreach(width IN ITEMS narrow wide)
     set(bytes 16)
     set(options -O1 "$<$<CXX_COMPILER_ID:GNU>:-Wno-psabi>")  # GCC notes how vectors that are split are passed
     if(STICTION_LIBRARY_OPTIONS)  # two tests go through them then
