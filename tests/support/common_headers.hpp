@@ -1,6 +1,6 @@
 #pragma once
 
-/// What most tests read. Precompiled (tests/CMakeLists.txt); a test still includes what it uses.
+/// Headers that most tests read, precompiled; none of our own (cmake/precompile.cmake). A test still includes what it uses.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -19,9 +19,6 @@
 #include <thread>
 #include <vector>
 
-#include "stiction/error.hpp"
-#include "stiction/solver.hpp"
-
 // common_instances.cpp holds the code of these: a test compiles none of it.
 extern template class std::vector<char>;
 extern template class std::vector<unsigned char>;
@@ -31,7 +28,3 @@ extern template class std::vector<unsigned long>;
 extern template class std::vector<float>;
 extern template class std::vector<double>;
 extern template class std::vector<std::string>;
-extern template class std::vector<stiction::EnvStatus>;
-extern template class std::vector<stiction::ConeKind>;
-extern template class std::vector<stiction::Environment<double>>;
-extern template class std::vector<stiction::Environment<double>::Cone>;

@@ -8,7 +8,3 @@ template class std::vector<unsigned long>;
 template class std::vector<float>;
 template class std::vector<double>;
 template class std::vector<std::string>;
-template class std::vector<stiction::EnvStatus>;
-template class std::vector<stiction::ConeKind>;
-template class std::vector<stiction::Environment<double>>;
-template class std::vector<stiction::Environment<double>::Cone>;
