@@ -1,6 +1,6 @@
 #pragma once
 
-/// Headers that most tests read, precompiled; none of our own (cmake/precompile.cmake). A test still includes what it uses.
+/// Headers that most tests read, precompiled; none of this tree (cmake/precompile.cmake). A test includes what it uses.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
