@@ -14,7 +14,7 @@
 namespace stiction::test {
 namespace {
 
-/// The tables of docs/math/preconditioners.md, each number beside one that does not come from this library. Iterations
+/// The tables of bench/results/methods.md, each number beside one that does not come from this library. Iterations
 /// stand beside those of tests/support/reference_gradients.hpp, blocks of factors beside an elimination on sets. Every
 /// machine counts the same iterations, for they follow from the bits. In short: what takes seconds without a fused
 /// multiply-add instruction.
@@ -107,7 +107,7 @@ void expect_measured(const TableRow& row) {
     std::printf("%d (%d) ", outcome.iterations, reference);
   }
   std::printf("%s\n", row.scene);
-  EXPECT_EQ(iterations, row.iterations) << "docs/math/preconditioners.md says otherwise";
+  EXPECT_EQ(iterations, row.iterations) << "bench/results/methods.md says otherwise";
 }
 
 TEST(PreconditionerTable, IsWhatIsMeasured) {

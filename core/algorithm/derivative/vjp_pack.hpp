@@ -4,7 +4,7 @@
 #include "core/algorithm/derivative/vjp_load.hpp"
 #include "core/algorithm/linear/dense/lane_lu.hpp"
 
-/// vjp_env() of environments side by side (docs/math/derivative.md, "Contacts side by side"). Modes are found one by
+/// vjp_env() of environments side by side (core/algorithm/derivative/README.md). Modes are found one by
 /// one. All that grows faster than with the number of rows is done in lanes: products with A, the system, its factor.
 /// The products and the adjoint are vjp_env()'s own text. The system is summed and factored in another order of loops,
 /// and each number of it in the same order. So all have the bits that they have alone. An environment that has less
