@@ -147,9 +147,7 @@ typedef enum stiction_env_flag {
   STICTION_FLAG_BAD_STRUCTURE = 1 << 10,    /**< offsets, cones or columns out of order or range; not solved */
   STICTION_FLAG_UNSUPPORTED_CONE = 1 << 11, /**< a cone that the solver cannot treat; not solved */
   STICTION_FLAG_RAY = 1 << 12,              /**< lemke ended on a ray: it found no solution */
-  STICTION_FLAG_IMMOVABLE = 1 << 13,        /**< a row of A + R that is zero and that its law asks to move */
-  STICTION_FLAG_CAPACITY = STICTION_FLAG_CONTACTS_DROPPED, /**< its name before epoch 2 */
-  STICTION_FLAG_NO_ROOM = STICTION_FLAG_OVER_CAPACITY      /**< its name before epoch 2 */
+  STICTION_FLAG_IMMOVABLE = 1 << 13         /**< a row of A + R that is zero and that its law asks to move */
 } stiction_env_flag;
 
 typedef struct stiction_solver stiction_solver;                   /**< solves contact batches */

@@ -12,8 +12,6 @@ import numpy as np
 from .core.progress import Progress  # noqa: F401
 from .core.statistics import WINDOW, Statistics, quantiles, spans_by_kind, summary  # noqa: F401
 
-Tally = Statistics  #: its name before numerics epoch 2, kept until 1.0
-
 
 class CsvLogger:
     """A callback that writes one line per solve. Columns are those of the first."""

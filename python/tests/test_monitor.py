@@ -48,28 +48,6 @@ def test_flags_are_counted_by_name(padded):
     assert solver.stats()["codes"]["invalid_input"] == 3
 
 
-def test_older_names_of_flags_are_taken(padded):
-    """Until 1.0: capacity is contacts_dropped and no_room is over_capacity."""
-    assert stiction.FLAGS.index("capacity") == stiction.FLAGS.index("contacts_dropped") == 7
-    assert stiction.FLAGS.index("no_room") == stiction.FLAGS.index("over_capacity") == 9
-    assert "no_room" in stiction.FLAGS and "no_room" not in list(stiction.FLAGS) and "room" not in stiction.FLAGS
-    solver = Solver()
-    counts = solver.stats()["flags"]
-    assert "capacity" not in counts and counts.get("capacity", 0) == 0
-    with pytest.raises(KeyError):
-        counts["capacity"]
-    wanted = np.array([4, 1, 3, 0], np.int32)  # there is room for three
-    padded.A[0], padded.b[0] = padded.A[2], padded.b[2]
-    solver.solve(Batch.from_delassus(padded.A, padded.b, cone_counts=wanted, mu=0.7))
-    counts = solver.stats()["flags"]
-    assert counts == {"contacts_dropped": 1}
-    assert counts["capacity"] == counts.get("capacity") == 1 and "capacity" in counts
-
-
-def test_the_older_name_of_the_counter_is_taken():
-    assert stiction.monitor.Tally(None).stats() == Solver().stats()
-
-
 def test_loggers_write_a_line_for_every_solve(padded, tmp_path):
     batch = Batch.from_delassus(padded.A, padded.b, counts=padded.counts, mu=0.7)
     seen = []

@@ -48,9 +48,6 @@ enum EnvFlag : std::uint32_t {
   kFlagRay = 1U << 12,                ///< lemke ended on a ray: it found no solution, and there may be none
   kFlagImmovable = 1U << 13,          ///< a row of A + R that is zero and that its law asks to move: nothing can push
                                       ///< it. Its contact carries nothing, all others are solved
-
-  kFlagCapacity = kFlagContactsDropped,  ///< its name before epoch 2, kept until 1.0
-  kFlagNoRoom = kFlagOverCapacity,       ///< its name before epoch 2, kept until 1.0
 };
 
 /// Number of EnvFlag bits in use.

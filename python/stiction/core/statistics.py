@@ -9,7 +9,7 @@ import numpy as np
 from .. import _core
 from .arrays import STATUS_DTYPE
 from .body_rows import check as check_rows
-from .flags import FLAGS, FlagCounts
+from .flags import FLAGS
 from .solution import CODES, SOLVED, solver_name
 
 #: Environments whose iterations and residuals quantiles are taken of: the last ones.
@@ -130,7 +130,7 @@ class Statistics:
             "solves": self._solves, "environments": self._environments, "seconds": self._seconds,
             "warm_started": self._warm, "recorded": sum(file.recorded for file in self._files.values()),
             "codes": {name: int(self._codes[i]) for i, name in enumerate(CODES) if self._codes[i]},
-            "flags": FlagCounts((name, int(self._flags[i])) for i, name in enumerate(FLAGS) if self._flags[i]),
+            "flags": {name: int(self._flags[i]) for i, name in enumerate(FLAGS) if self._flags[i]},
             "solvers": {solver_name(i): int(count) for i, count in enumerate(self._solvers) if count},
             "iterations": quantiles(self._recent["iterations"]), "residual": quantiles(self._recent["residual"]),
         }

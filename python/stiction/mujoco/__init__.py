@@ -197,8 +197,6 @@ class BatchedSimulation:
         """Drops what the next solve would start from, of a list of simulations, or of all: for those that start over."""
         self._core.reset_warm_start(numbers_of(simulations, len(self)))
 
-    forget = reset_warm_start  # its name before numerics epoch 2, kept until 1.0
-
     def reset(self, simulations=None):
         """mujoco.mj_resetData and reset_warm_start, of a list of simulations or of all."""
         chosen = numbers_of(simulations, len(self))
