@@ -26,7 +26,7 @@ PUBLIC = "core/include/stiction"
 IO_PUBLIC = "core/io/include/stiction"
 # What kernels and machines are made of.
 KERNEL = [PUBLIC, "core/base", "core/job", "core/team", "core/algorithm"]
-PLANS = ["core/plan/plan.hpp", "core/plan/body_plan.hpp", "core/plan/structure_view.hpp"]
+PLANS = ["core/plan/plan.hpp", "core/plan/body_plan.hpp"]
 MACHINE = [*KERNEL, *PLANS, "core/machine"]
 
 # Rooms of core/algorithm, in the order of a solve: what each may include of the others. No room includes one that is further

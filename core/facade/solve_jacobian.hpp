@@ -21,7 +21,7 @@ void solve_jacobian(JacobianMachine<Real>& machine, const Solver& solver, const 
                           });
   if (!all_solved) {
     const ContactBatchView<Real> rest = traced("assemble", [&] { return machine.assemble(batch, stream); });
-    if (rest.env_count > 0) solver.solve(rest, {solution.lambda, solution.w, solution.status}, start.reactions, stream);
+    if (rest.env_count > 0) solver.solve(rest, SolutionView<Real>(solution), start.reactions, stream);
   }
   machine.write(batch, solution, stream);
 }

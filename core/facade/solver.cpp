@@ -11,7 +11,6 @@
 #include "core/machine/contact_machine.hpp"
 #include "core/plan/islands.hpp"
 #include "core/plan/plan.hpp"
-#include "core/plan/structure_view.hpp"
 #include "core/runtime/batch/island_split.hpp"
 #include "core/runtime/check/check_options.hpp"
 #include "core/runtime/check/defects.hpp"
@@ -262,7 +261,7 @@ void Solver::islands(const ContactBatchView<Real>& batch, Index* island, Index* 
     refuse("island is null: give it room for one number per cone (" + std::to_string(batch.cone_count) + ")");
   if (batch.space == MemorySpace::cuda) {
     check_space(batch.space, device_);
-    machine_->islands(structure_view(batch), island, count, stream);
+    machine_->islands(batch, island, count, stream);
     return;
   }
   reject(validate_structure(batch, 1));

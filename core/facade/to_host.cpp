@@ -1,6 +1,7 @@
 #include <cstring>
 
 #include "core/facade/host_structure.hpp"
+#include "core/job/row_numbers.hpp"
 #include "core/machine/contact_machine.hpp"
 #include "core/runtime/check/defects.hpp"
 #include "stiction/error.hpp"
@@ -99,10 +100,7 @@ ContactBatch<Real> Solver::to_host(const ContactBatchView<Real>& batch, StreamRe
   };
   host.A = fetch(numbers.A, batch.A, batch.nonzero_count);
   std::vector<Real>* storage = numbers.vectors;
-  for (const Real* ContactBatchView<Real>::* member :
-       {&ContactBatchView<Real>::b, &ContactBatchView<Real>::R, &ContactBatchView<Real>::mu,
-        &ContactBatchView<Real>::lo, &ContactBatchView<Real>::hi})
-    host.*member = fetch(*storage++, batch.*member, batch.row_count);
+  for (const auto member : kRowNumbers<Real>) host.*member = fetch(*storage++, batch.*member, batch.row_count);
   if (batch.env_flags != nullptr) host.env_flags = fetch(numbers.flags, batch.env_flags, batch.env_count);
   if (batch.env_tolerance != nullptr)
     host.env_tolerance = fetch(numbers.tolerance, batch.env_tolerance, batch.env_count);

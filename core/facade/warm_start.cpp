@@ -28,27 +28,10 @@ void check_options(const WarmStartOptions& options) {
     refuse("threads = " + std::to_string(options.threads) + ": must be >= 0 (0 takes all cores)");
 }
 
-/// Which cones a batch has, and which rows: all that a store looks at.
-template <class Real>
-ContactBatchView<Real> cones_of(const JacobianBatchView<Real>& batch) {
-  ContactBatchView<Real> cones;
-  cones.env_count = batch.env_count;
-  cones.cone_count = batch.cone_count;
-  cones.row_count = batch.row_count;
-  cones.env_row_offsets = batch.env_row_offsets;
-  cones.env_cone_offsets = batch.env_cone_offsets;
-  cones.env_row_counts = batch.env_row_counts;
-  cones.env_cone_counts = batch.env_cone_counts;
-  cones.cone_kind = batch.cone_kind;
-  cones.cone_row_offsets = batch.cone_row_offsets;
-  cones.space = batch.space;
-  return cones;
-}
-
 /// Contacts: cones without offsets of rows, which have three each (warm_start.hpp).
 template <class Real>
-ContactBatchView<Real> cones_of(const BodyBatchView<Real>& batch) {
-  ContactBatchView<Real> cones;
+BatchLayout cones_of(const BodyBatchView<Real>& batch) {
+  BatchLayout cones;
   cones.env_count = batch.env_count;
   cones.cone_count = batch.contact_count;
   cones.row_count = 3 * batch.contact_count;
@@ -90,7 +73,7 @@ template <class Real>
 WarmStartStore<Real>& WarmStartStore<Real>::operator=(WarmStartStore&&) noexcept = default;
 
 template <class Real>
-void WarmStartStore<Real>::check(const ContactBatchView<Real>& batch, const std::uint64_t* cone_id, double dt) const {
+void WarmStartStore<Real>::check(const BatchLayout& batch, const std::uint64_t* cone_id, double dt) const {
   const MemorySpace own = device_.kind == DeviceKind::cpu ? MemorySpace::host : MemorySpace::cuda;
   if (batch.space != own)
     refuse("batch.space is not the store's: a store serves batches where it was made, on the CPU or on a CUDA device");
@@ -104,8 +87,8 @@ void WarmStartStore<Real>::check(const ContactBatchView<Real>& batch, const std:
 }
 
 template <class Real>
-void WarmStartStore<Real>::load(const ContactBatchView<Real>& batch, const std::uint64_t* cone_id, double dt,
-                                Real* guess, StreamRef stream) {
+void WarmStartStore<Real>::load(const BatchLayout& batch, const std::uint64_t* cone_id, double dt, Real* guess,
+                                StreamRef stream) {
   const ScopedFpEnv fp_env;
   check(batch, cone_id, dt);
   if (batch.row_count > 0 && guess == nullptr)
@@ -114,7 +97,7 @@ void WarmStartStore<Real>::load(const ContactBatchView<Real>& batch, const std::
 }
 
 template <class Real>
-void WarmStartStore<Real>::store(const ContactBatchView<Real>& batch, const std::uint64_t* cone_id,
+void WarmStartStore<Real>::store(const BatchLayout& batch, const std::uint64_t* cone_id,
                                  const SolutionView<Real>& solution, double dt, StreamRef stream) {
   check(batch, cone_id, dt);
   if (batch.row_count > 0 && solution.lambda == nullptr) refuse("solution.lambda is null: give the reactions to store");
@@ -123,17 +106,6 @@ void WarmStartStore<Real>::store(const ContactBatchView<Real>& batch, const std:
   machine_->store(WarmStartStoreJob<Real>{{}, batch, cone_id, solution.lambda, solution.status, dt}, stream);
 }
 
-template <class Real>
-void WarmStartStore<Real>::load(const JacobianBatchView<Real>& batch, const std::uint64_t* cone_id, double dt,
-                                Real* guess, StreamRef stream) {
-  const ScopedFpEnv fp_env;
-  load(cones_of(batch), cone_id, dt, guess, stream);
-}
-template <class Real>
-void WarmStartStore<Real>::store(const JacobianBatchView<Real>& batch, const std::uint64_t* cone_id,
-                                 const JacobianSolutionView<Real>& solution, double dt, StreamRef stream) {
-  store(cones_of(batch), cone_id, {solution.lambda, solution.w, solution.status}, dt, stream);
-}
 template <class Real>
 void WarmStartStore<Real>::load(const BodyBatchView<Real>& batch, const std::uint64_t* contact_id, double dt,
                                 Real* guess, StreamRef stream) {

@@ -64,21 +64,15 @@ struct JacobianBatchJob {
 template <class Real>
 ContactBatchView<Real> contact_view(const JacobianBatchView<Real>& batch, const JacobianArrays<Real>& arrays) {
   ContactBatchView<Real> view;
-  view.env_count = batch.env_count;
-  view.cone_count = batch.cone_count;
-  view.row_count = batch.row_count;
+  static_cast<BatchLayout&>(view) = batch;
+  static_cast<RowLimits<Real>&>(view) = batch;
   view.nonzero_count = arrays.matrix_room;
-  view.env_row_offsets = batch.env_row_offsets;
-  view.env_cone_offsets = batch.env_cone_offsets;
-  view.env_row_counts = arrays.answered != nullptr ? arrays.env_row_counts : batch.env_row_counts;
-  view.env_cone_counts = arrays.answered != nullptr ? arrays.env_cone_counts : batch.env_cone_counts;
+  if (arrays.answered != nullptr) {
+    view.env_row_counts = arrays.env_row_counts;
+    view.env_cone_counts = arrays.env_cone_counts;
+  }
   view.ends_early = batch.env_row_counts == nullptr;
   view.env_flags = arrays.flags;
-  view.env_tolerance = batch.env_tolerance;
-  view.env_max_iterations = batch.env_max_iterations;
-  view.cone_kind = batch.cone_kind;
-  view.cone_row_offsets = batch.cone_row_offsets;
-  view.cone_group = batch.cone_group;
   view.row_offsets = arrays.row_offsets;
   view.row_counts = arrays.row_counts;
   view.column = arrays.column;
@@ -91,12 +85,6 @@ ContactBatchView<Real> contact_view(const JacobianBatchView<Real>& batch, const 
     view.factor_count = arrays.factor_room;
   }
   view.b = arrays.b;
-  view.R = batch.R;
-  view.mu = batch.mu;
-  view.lo = batch.lo;
-  view.hi = batch.hi;
-  view.law = batch.law;
-  view.space = batch.space;
   return view;
 }
 

@@ -42,7 +42,7 @@ struct WarmStartMemory {
 template <class Real>
 struct WarmStartLoadJob {
   WarmStartMemory<Real> memory;
-  ContactBatchView<Real> batch;
+  BatchLayout batch;
   const std::uint64_t* cone_id;
   Real* guess;
   double dt;
@@ -54,7 +54,7 @@ struct WarmStartLoadJob {
 template <class Real>
 struct WarmStartStoreJob {
   WarmStartMemory<Real> memory;
-  ContactBatchView<Real> batch;
+  BatchLayout batch;
   const std::uint64_t* cone_id;
   const Real* lambda;
   const EnvStatus* status;

@@ -38,7 +38,7 @@ class ContactMachine {
     all_at_once(count, work);
   }
   /// Finds the islands of a batch in this machine's memory; only its integers are looked at.
-  virtual void islands(const ContactBatchView<float>&, Index*, Index*, StreamRef) {}
+  virtual void islands(const BatchStructure&, Index*, Index*, StreamRef) {}
   /// Memory of this machine. \throws Error(out_of_memory).
   virtual void* allocate(std::size_t bytes) = 0;
   virtual void release(void* memory) noexcept = 0;

@@ -35,8 +35,7 @@ class ConeSets {
 
 }  // namespace
 
-template <class Real>
-Islands find_islands(const ContactBatchView<Real>& batch) {
+Islands find_islands(const BatchStructure& batch) {
   Islands islands;
   islands.island.assign(at(batch.cone_count), 0);
   ConeSets sets;
@@ -68,8 +67,5 @@ Islands find_islands(const ContactBatchView<Real>& batch) {
   }
   return islands;
 }
-
-template Islands find_islands(const ContactBatchView<float>&);
-template Islands find_islands(const ContactBatchView<double>&);
 
 }  // namespace stiction

@@ -16,7 +16,6 @@ struct Islands {
 
 /// Finds the islands of a host batch whose structure is sound, in time all but proportional to its entries. From
 /// integers alone, each environment's from its own.
-template <class Real>
-Islands find_islands(const ContactBatchView<Real>& batch);
+Islands find_islands(const BatchStructure& batch);
 
 }  // namespace stiction

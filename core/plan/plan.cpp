@@ -14,39 +14,19 @@
 namespace stiction {
 namespace {
 
-/// The integers of a batch. A plan is made from these and cannot see a number. Order that depended on values would
-/// differ between precisions, and between an environment and its poisoned twin.
-struct Structure {
-  Offset env_count, cone_count, row_count, nonzero_count;
-  const Offset *env_row_offsets, *env_cone_offsets;
-  const Index *env_row_counts, *env_cone_counts;
-  const ConeKind* cone_kind;
-  const Offset* cone_row_offsets;
-  const Index* cone_group;
-  const Offset* row_offsets;
-  const Index* row_counts;
-  const Offset* column_offsets;
-  const Index* column;
-  const Offset* factor_offsets;
-};
-
-/// One environment of it. Cones and rows count from the environment's own zero.
+/// One environment of a batch. Cones and rows count from the environment's own zero.
 struct EnvStructure {
-  const Structure& all;
+  const BatchStructure& all;
   Offset env, first_row, first_cone;
   Index rows, cones;
 
-  EnvStructure(const Structure& structure, Offset number)
+  EnvStructure(const BatchStructure& structure, Offset number)
       : all(structure),
         env(number),
         first_row(structure.env_row_offsets[number]),
         first_cone(structure.env_cone_offsets[number]),
-        rows(structure.env_row_counts != nullptr
-                 ? structure.env_row_counts[number]
-                 : static_cast<Index>(structure.env_row_offsets[number + 1] - first_row)),
-        cones(structure.env_cone_counts != nullptr
-                  ? structure.env_cone_counts[number]
-                  : static_cast<Index>(structure.env_cone_offsets[number + 1] - first_cone)) {}
+        rows(structure.env_rows(number)),
+        cones(structure.env_cones(number)) {}
 
   [[nodiscard]] ConeKind kind(Index cone) const { return all.cone_kind[first_cone + cone]; }
   [[nodiscard]] Index cone_begin(Index cone) const {
@@ -274,7 +254,7 @@ void sort_dense(PlanData& plan) {
 
 /// Environments of one path, the most expensive first, so that none is left to run alone at the end. Ties end in the
 /// index: the order is total, and no sort can leave a choice to the library.
-void order_environments(const Structure& structure, PlanData& plan) {
+void order_environments(const BatchStructure& structure, PlanData& plan) {
   for (Offset env = 0; env < plan.env_count; ++env) {
     const EnvPath path = plan.path[static_cast<std::size_t>(env)];
     if (path == EnvPath::dense) plan.dense_order.push_back(env);
@@ -295,7 +275,7 @@ void order_environments(const Structure& structure, PlanData& plan) {
 }
 
 /// What every environment has. The others' order of cones is left to be found.
-void plan_dense(const Structure& structure, const ParallelFor& parallel_for, PlanData& plan) {
+void plan_dense(const BatchStructure& structure, const ParallelFor& parallel_for, PlanData& plan) {
   const auto envs = static_cast<std::size_t>(structure.env_count);
   plan.counts.resize(envs);
   plan.path.resize(envs);
@@ -312,7 +292,21 @@ void plan_dense(const Structure& structure, const ParallelFor& parallel_for, Pla
   });
 }
 
-PlanData plan_structure(const Structure& structure, const ParallelFor& parallel_for) {
+/// A dense environment's cones, taken in the plan's order, are sorted by kind and row count.
+bool in_canonical_order(const EnvStructure& env, const Index* order) {
+  int last = 0;
+  for (Index p = 0; p < env.cones; ++p) {
+    if (order[p] < 0 || order[p] >= env.cones) return false;
+    const int shape = shape_of(env.kind(order[p]), env.cone_rows(order[p]));
+    if (shape < last) return false;
+    last = shape;
+  }
+  return true;
+}
+
+}  // namespace
+
+PlanData make_plan(const BatchStructure& structure, const ParallelFor& parallel_for) {
   PlanData plan;
   plan.env_count = structure.env_count;
   plan.cone_count = structure.cone_count;
@@ -340,19 +334,7 @@ PlanData plan_structure(const Structure& structure, const ParallelFor& parallel_
   return plan;
 }
 
-/// A dense environment's cones, taken in the plan's order, are sorted by kind and row count.
-bool in_canonical_order(const EnvStructure& env, const Index* order) {
-  int last = 0;
-  for (Index p = 0; p < env.cones; ++p) {
-    if (order[p] < 0 || order[p] >= env.cones) return false;
-    const int shape = shape_of(env.kind(order[p]), env.cone_rows(order[p]));
-    if (shape < last) return false;
-    last = shape;
-  }
-  return true;
-}
-
-bool fits_structure(const PlanData& plan, const Structure& structure, const ParallelFor& parallel_for) {
+bool fits(const PlanData& plan, const BatchStructure& structure, const ParallelFor& parallel_for) {
   if (plan.env_count != structure.env_count || plan.cone_count != structure.cone_count ||
       plan.row_count != structure.row_count || plan.nonzero_count != structure.nonzero_count)
     return false;
@@ -369,30 +351,5 @@ bool fits_structure(const PlanData& plan, const Structure& structure, const Para
   });
   return std::find(fitting.begin(), fitting.end(), 0) == fitting.end();
 }
-
-template <class Real>
-Structure structure_of(const ContactBatchView<Real>& batch) {
-  return {batch.env_count,       batch.cone_count,       batch.row_count,      batch.nonzero_count,
-          batch.env_row_offsets, batch.env_cone_offsets, batch.env_row_counts, batch.env_cone_counts,
-          batch.cone_kind,       batch.cone_row_offsets, batch.cone_group,     batch.row_offsets,
-          batch.row_counts,      batch.column_offsets,   batch.column,         batch.factor_offsets};
-}
-
-}  // namespace
-
-template <class Real>
-PlanData make_plan(const ContactBatchView<Real>& batch, const ParallelFor& parallel_for) {
-  return plan_structure(structure_of(batch), parallel_for);
-}
-
-template <class Real>
-bool fits(const PlanData& plan, const ContactBatchView<Real>& batch, const ParallelFor& parallel_for) {
-  return fits_structure(plan, structure_of(batch), parallel_for);
-}
-
-template PlanData make_plan(const ContactBatchView<float>&, const ParallelFor&);
-template PlanData make_plan(const ContactBatchView<double>&, const ParallelFor&);
-template bool fits(const PlanData&, const ContactBatchView<float>&, const ParallelFor&);
-template bool fits(const PlanData&, const ContactBatchView<double>&, const ParallelFor&);
 
 }  // namespace stiction

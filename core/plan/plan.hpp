@@ -38,13 +38,11 @@ struct PlanData : std::enable_shared_from_this<PlanData> {
 };
 
 /// Plans a host batch whose structure is sound.
-template <class Real>
-PlanData make_plan(const ContactBatchView<Real>& batch, const ParallelFor& parallel_for = all_at_once);
+PlanData make_plan(const BatchStructure& batch, const ParallelFor& parallel_for = all_at_once);
 
 /// Whether a plan was made for a structure like this host batch's, in time proportional to its cones. Sizes, kinds and
 /// paths are compared, which is what memory safety needs. The sparsity pattern is not, and a plan for another pattern
 /// may colour two coupled cones alike.
-template <class Real>
-bool fits(const PlanData& plan, const ContactBatchView<Real>& batch, const ParallelFor& parallel_for = all_at_once);
+bool fits(const PlanData& plan, const BatchStructure& batch, const ParallelFor& parallel_for = all_at_once);
 
 }  // namespace stiction

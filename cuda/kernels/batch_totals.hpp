@@ -1,15 +1,14 @@
 #pragma once
 
 #include "core/base/macros.hpp"
-#include "stiction/batch.hpp"
+#include "stiction/batch_structure.hpp"
 
 namespace stiction::inline STICTION_ISA {
 
 /// The batch with the totals it has now. What the view says is the room of its arrays: a captured graph may be replayed
 /// with less in them. Totals that make no sense are left to structure_is_sound(), which then finds the environments
 /// that they break.
-template <class Real>
-STICTION_HD ContactBatchView<Real> with_totals(ContactBatchView<Real> batch) {
+STICTION_HD BatchStructure with_totals(BatchStructure batch) {
   if (batch.env_count == 0) return batch;
   const auto shrink = [](Offset& room, Offset total) {
     if (total >= 0 && total < room) room = total;

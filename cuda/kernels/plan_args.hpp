@@ -3,7 +3,7 @@
 #include "core/job/env_features.hpp"
 #include "core/job/plan_view.hpp"
 #include "core/job/size_class.hpp"
-#include "stiction/batch.hpp"
+#include "stiction/batch_structure.hpp"
 #include "stiction/status.hpp"
 
 namespace stiction::cuda {
@@ -52,7 +52,7 @@ struct SortArgs {
 
 /// What finding islands is given.
 struct IslandArgs {
-  ContactBatchView<float> batch;
+  BatchStructure batch;
   Index* island;  ///<                                                                             (cones)
   Index* count;   ///<                                                                             (envs)
   Index most_rows;
@@ -61,9 +61,9 @@ struct IslandArgs {
   Offset slot;
 };
 
-/// What the scheduler's kernels are given. Of the batch they read integers only, so one precision serves both.
+/// Arguments of the scheduler's kernels.
 struct PlanArgs {
-  ContactBatchView<float> batch;
+  BatchStructure batch;
   PlanArrays plan;
   Index most_rows;       ///< of an environment; a larger one is flagged kFlagOverCapacity
   Index most_dofs;       ///< the same of the columns of its factor, if it has one

@@ -28,13 +28,13 @@ struct InspectEnvironments {
 
   template <Team TeamT>
   static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& args) {
-    const ContactBatchView<float> batch = with_totals(args.batch);
+    const BatchStructure batch = with_totals(args.batch);
     for (Offset env = id.index; env < batch.env_count; env += id.count) inspect(team, args, batch, env);
   }
 
  private:
   template <Team TeamT>
-  static STICTION_HD void inspect(TeamT& team, const Args& args, const ContactBatchView<float>& batch, Offset env) {
+  static STICTION_HD void inspect(TeamT& team, const Args& args, const BatchStructure& batch, Offset env) {
     const bool sound = structure_is_sound(team, batch, env);
     StructureView s{};
     if (sound) s = structure_of(batch, env);
@@ -120,7 +120,7 @@ struct ColorEnvironments {
 
   template <Team TeamT>
   static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& args) {
-    const ContactBatchView<float> batch = with_totals(args.batch);
+    const BatchStructure batch = with_totals(args.batch);
     const cuda::PlanArrays& plan = args.plan;
     const Offset end = plan.class_begin[static_cast<int>(SizeClass::sparse_block) + 1];
     for (Offset position = plan.class_begin[static_cast<int>(SizeClass::sparse_device)] + id.index; position < end;
@@ -139,7 +139,7 @@ struct FindIslands {
 
   template <Team TeamT>
   static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& args) {
-    const ContactBatchView<float> batch = with_totals(args.batch);
+    const BatchStructure batch = with_totals(args.batch);
     for (Offset env = id.index; env < batch.env_count; env += id.count) {
       Index found = 0;
       if (structure_is_sound(team, batch, env)) {

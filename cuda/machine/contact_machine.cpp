@@ -99,8 +99,7 @@ void DeviceContactMachine::run_on_device(const SolveRequest<Real>& request) {
   if (!capturing && request.options.solver != SolverKind::automatic) planned_ = owner;
 }
 
-void DeviceContactMachine::islands(const ContactBatchView<float>& batch, Index* island, Index* count,
-                                   StreamRef stream) {
+void DeviceContactMachine::islands(const BatchStructure& batch, Index* island, Index* count, StreamRef stream) {
   const std::lock_guard lock(mutex_);
   const Capacity need{batch.env_count, 0, 0, 0, 0, 0, 0, Precision::f32};
   if (!engine_.has_room(need))

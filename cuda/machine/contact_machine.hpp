@@ -19,7 +19,7 @@ class DeviceContactMachine final : public ContactMachine {
   void solve(const SolveRequest<float>& request) override;
   void solve(const SolveRequest<double>& request) override;
   void reserve(const Capacity& capacity, SolverKind solver) override;
-  void islands(const ContactBatchView<float>& batch, Index* island, Index* count, StreamRef stream) override;
+  void islands(const BatchStructure& batch, Index* island, Index* count, StreamRef stream) override;
   void synchronize(StreamRef stream) override;
   void* allocate(std::size_t bytes) override { return api_->allocate(bytes); }
   void release(void* memory) noexcept override { api_->release(memory); }

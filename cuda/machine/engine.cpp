@@ -4,7 +4,6 @@
 
 #include "core/job/fallback_order.hpp"
 #include "core/machine/count_captured_call.hpp"
-#include "core/plan/structure_view.hpp"
 #include "cuda/kernels/choose_program.hpp"
 #include "cuda/kernels/trivial_program.hpp"
 #include "cuda/machine/engine_classes.hpp"
@@ -77,7 +76,7 @@ void Engine::finish(StreamHandle stream) noexcept {
 
 template <class Real>
 void Engine::queue_plan(const SolveRequest<Real>& request) {
-  const PlanArgs args{structure_view(request.batch),
+  const PlanArgs args{request.batch,
                       plan_,
                       reserved_.capacity.env_rows,
                       reserved_.capacity.env_dofs,
@@ -238,7 +237,7 @@ void Engine::solve(const SolveRequest<Real>& request, bool is_planned) {
   }
 }
 
-void Engine::islands(const ContactBatchView<float>& batch, Index* island, Index* count, StreamHandle stream) {
+void Engine::islands(const BatchStructure& batch, Index* island, Index* count, StreamHandle stream) {
   if (batch.env_count == 0) return;
   const bool capturing = api_.capturing(stream);
   if (capturing) count_captured_call();

@@ -67,7 +67,7 @@ class Engine {
   [[nodiscard]] StreamTimer& timer() noexcept { return timer_; }
 
   /// Finds the islands of a batch in device memory, of environments that there is room for.
-  void islands(const ContactBatchView<float>& batch, Index* island, Index* count, StreamHandle stream);
+  void islands(const BatchStructure& batch, Index* island, Index* count, StreamHandle stream);
 
   /// What the last plan left on the device, for tests that compare its integers.
   [[nodiscard]] const PlanArrays& plan_arrays() const noexcept { return plan_; }

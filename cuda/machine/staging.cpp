@@ -4,6 +4,7 @@
 #include <cstring>
 #include <functional>
 
+#include "core/job/row_numbers.hpp"
 #include "cuda/machine/stream_timer.hpp"
 #include "stiction/error.hpp"
 #include "stiction/trace.hpp"
@@ -45,9 +46,7 @@ class Piece {
     else
       add(view.column, all.column + entry, entries);
     add(view.A, all.A + entry, entries);
-    for (const Real* ContactBatchView<Real>::* member :
-         {&ContactBatchView<Real>::b, &ContactBatchView<Real>::R, &ContactBatchView<Real>::mu,
-          &ContactBatchView<Real>::lo, &ContactBatchView<Real>::hi})
+    for (const auto member : kRowNumbers<Real>)
       if (member != &ContactBatchView<Real>::mu || all.mu_offsets == nullptr)
         add(view.*member, all.*member + row, rows);
     // Friction that rows share is addressed from the beginning of all of it, like shared columns.

@@ -17,7 +17,7 @@ void MujocoChunk::make_room() {
                                                     options);
   // What the smaller one knew, without what was reset since: room must not reach a bit.
   if (previous_.env_row_offsets.size() != data_.size() + 1) return;
-  store_->store(previous_.structure(), previous_.cone_id.data(),
+  store_->store(previous_.layout(), previous_.cone_id.data(),
                 {previous_.lambda.data(), nullptr, previous_.status.data()}, layout_.timestep);
   store_->reset_where(was_reset_.data());
 }
@@ -29,7 +29,7 @@ void MujocoChunk::solve(JacobianSolver<double>& solver, const double* tolerance,
     make_room();
     guess_.reserve(1);
     guess_.resize(system_.R.size());
-    store_->load(system_.structure(), system_.cone_id.data(), layout_.timestep, guess_.data());
+    store_->load(system_.layout(), system_.cone_id.data(), layout_.timestep, guess_.data());
   }
   const JacobianStart<double> start{by_reactions ? guess_.data() : nullptr,
                                     by_accelerations ? system_.start.data() : nullptr};
@@ -42,7 +42,7 @@ void MujocoChunk::solve(JacobianSolver<double>& solver, const double* tolerance,
   for (std::size_t env = 0; env < data_.size(); ++env)
     if (active_[env] != 0) starts_over_[env] = 0;
   if (!by_reactions) return;
-  store_->store(system_.structure(), system_.cone_id.data(), {system_.lambda.data(), nullptr, system_.status.data()},
+  store_->store(system_.layout(), system_.cone_id.data(), {system_.lambda.data(), nullptr, system_.status.data()},
                 layout_.timestep);
   was_reset_.assign(data_.size(), 0);
 }

@@ -26,20 +26,26 @@ MujocoSystem::MujocoSystem(MassForm form) : mass_form(form) {
   cone_id.reserve(1);
 }
 
+BatchLayout MujocoSystem::layout() const {
+  BatchLayout layout;
+  layout.env_count = static_cast<Offset>(env_row_offsets.size()) - 1;
+  layout.cone_count = static_cast<Offset>(cone_kind.size());
+  layout.row_count = static_cast<Offset>(R.size());
+  layout.env_row_offsets = env_row_offsets.data();
+  layout.env_cone_offsets = env_cone_offsets.data();
+  layout.cone_kind = reinterpret_cast<const ConeKind*>(cone_kind.data());
+  layout.cone_row_offsets = cone_row_offsets.data();
+  return layout;
+}
+
 JacobianBatchView<double> MujocoSystem::view() const {
   JacobianBatchView<double> view;
-  view.env_count = static_cast<Offset>(env_row_offsets.size()) - 1;
-  view.cone_count = static_cast<Offset>(cone_kind.size());
-  view.row_count = static_cast<Offset>(R.size());
+  static_cast<BatchLayout&>(view) = layout();
   view.dof_count = static_cast<Offset>(v_free.size());
   view.entry_count = static_cast<Offset>(J.size());
   view.mass_count = static_cast<Offset>(M.size());
-  view.env_row_offsets = env_row_offsets.data();
-  view.env_cone_offsets = env_cone_offsets.data();
   view.env_dof_offsets = env_dof_offsets.data();
   view.env_mass_offsets = env_mass_offsets.data();
-  view.cone_kind = reinterpret_cast<const ConeKind*>(cone_kind.data());
-  view.cone_row_offsets = cone_row_offsets.data();
   view.row_offsets = row_offsets.data();
   view.J = J.data();
   view.M = M.data();
@@ -50,18 +56,6 @@ JacobianBatchView<double> MujocoSystem::view() const {
   view.lo = lo.data();
   view.hi = hi.data();
   view.mass_form = mass_form;
-  return view;
-}
-
-ContactBatchView<double> MujocoSystem::structure() const {
-  ContactBatchView<double> view;
-  view.env_count = static_cast<Offset>(env_row_offsets.size()) - 1;
-  view.cone_count = static_cast<Offset>(cone_kind.size());
-  view.row_count = static_cast<Offset>(R.size());
-  view.env_row_offsets = env_row_offsets.data();
-  view.env_cone_offsets = env_cone_offsets.data();
-  view.cone_kind = reinterpret_cast<const ConeKind*>(cone_kind.data());
-  view.cone_row_offsets = cone_row_offsets.data();
   return view;
 }
 

@@ -29,8 +29,8 @@ struct MujocoSystem {
   std::vector<EnvStatus> status;
 
   [[nodiscard]] JacobianBatchView<double> view() const;
-  [[nodiscard]] ContactBatchView<double> structure() const;  ///< cones and rows alone, as a warm-start store wants them
-  void append(const MujocoSystem& other);                    ///< other simulations behind these
+  [[nodiscard]] BatchLayout layout() const;  ///< environments and cones, as a warm-start store reads them
+  void append(const MujocoSystem& other);    ///< other simulations behind these
 };
 
 }  // namespace stiction::python

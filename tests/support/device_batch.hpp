@@ -3,6 +3,7 @@
 #include <cstring>
 #include <vector>
 
+#include "core/job/row_numbers.hpp"
 #include "cuda/api/memory.hpp"
 #include "stiction/solver.hpp"
 #include "tests/support/scene_batches.hpp"
@@ -27,9 +28,7 @@ class DeviceBatch {
     add(view_.row_offsets, room.rows + 1);
     add(view_.column, room.nonzeros);
     add(view_.A, room.nonzeros);
-    for (auto member : {&ContactBatchView<Real>::b, &ContactBatchView<Real>::R, &ContactBatchView<Real>::mu,
-                        &ContactBatchView<Real>::lo, &ContactBatchView<Real>::hi})
-      add(view_.*member, room.rows);
+    for (const auto member : kRowNumbers<Real>) add(view_.*member, room.rows);
     arrays_.add(solution_.lambda, room.rows);
     arrays_.add(solution_.w, room.rows);
     arrays_.add(solution_.status, room.envs);
@@ -54,9 +53,7 @@ class DeviceBatch {
     put(view_.row_offsets, host.row_offsets, host.row_count + 1);
     put(view_.column, host.column, host.nonzero_count);
     put(view_.A, host.A, host.nonzero_count);
-    for (auto member : {&ContactBatchView<Real>::b, &ContactBatchView<Real>::R, &ContactBatchView<Real>::mu,
-                        &ContactBatchView<Real>::lo, &ContactBatchView<Real>::hi})
-      put(view_.*member, host.*member, host.row_count);
+    for (const auto member : kRowNumbers<Real>) put(view_.*member, host.*member, host.row_count);
     view_.law = host.law;
   }
 

@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "core/plan/plan.hpp"
-#include "core/plan/structure_view.hpp"
 #include "cuda/machine/engine.hpp"
 #include "tests/support/device_batch.hpp"
 

@@ -72,7 +72,7 @@ TEST(DevicePlan, IslandsAreTheHosts) {
     engine.reserve(need, SolverKind::pgs, Precision::f32);
     const Islands host = find_islands(batch.view());
     std::vector<Index> island(host.island.size(), -1), count(host.count.size(), -1);
-    engine.islands(structure_view(batch.view()), island.data(), count.data(), nullptr);
+    engine.islands(batch.view(), island.data(), count.data(), nullptr);
     device.synchronize(nullptr);
     EXPECT_EQ(island, host.island);
     EXPECT_EQ(count, host.count);

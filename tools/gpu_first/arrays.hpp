@@ -1,8 +1,10 @@
 #pragma once
 
+#include <array>
 #include <memory>
 #include <vector>
 
+#include "core/job/row_numbers.hpp"
 #include "cuda/api/memory.hpp"
 #include "stiction/hash.hpp"
 #include "stiction/jacobian.hpp"
@@ -70,9 +72,7 @@ ContactBatchView<Real> on_device(Arrays& arrays, const ContactBatchView<Real>& h
   view.A = arrays.put(host.A, host.nonzero_count);
   view.factor_offsets = arrays.put(host.factor_offsets, host.env_count + 1);
   view.factor = arrays.put(host.factor, host.factor_count);
-  for (auto member : {&ContactBatchView<Real>::b, &ContactBatchView<Real>::R, &ContactBatchView<Real>::mu,
-                      &ContactBatchView<Real>::lo, &ContactBatchView<Real>::hi})
-    view.*member = arrays.put(host.*member, host.row_count);
+  for (const auto member : kRowNumbers<Real>) view.*member = arrays.put(host.*member, host.row_count);
   view.space = MemorySpace::cuda;
   return view;
 }
@@ -92,8 +92,9 @@ JacobianBatchView<Real> on_device(Arrays& arrays, const JacobianBatchView<Real>&
   view.J = arrays.put(host.J, host.entry_count);
   view.M = arrays.put(host.M, host.mass_count);
   view.v_free = arrays.put(host.v_free, host.dof_count);
-  for (auto member : {&JacobianBatchView<Real>::target, &JacobianBatchView<Real>::R, &JacobianBatchView<Real>::mu,
-                      &JacobianBatchView<Real>::lo, &JacobianBatchView<Real>::hi})
+  for (const auto member : std::array<const Real * JacobianBatchView<Real>::*, 5>{
+           &JacobianBatchView<Real>::target, &JacobianBatchView<Real>::R, &JacobianBatchView<Real>::mu,
+           &JacobianBatchView<Real>::lo, &JacobianBatchView<Real>::hi})
     view.*member = arrays.put(host.*member, host.row_count);
   view.space = MemorySpace::cuda;
   return view;

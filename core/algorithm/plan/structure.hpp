@@ -4,7 +4,7 @@
 
 #include "core/job/cone_counts.hpp"
 #include "core/team/phases.hpp"
-#include "stiction/batch.hpp"
+#include "stiction/batch_structure.hpp"
 
 namespace stiction::inline STICTION_ISA {
 
@@ -43,8 +43,7 @@ struct StructureView {
 };
 
 /// One environment of a batch whose structure is sound there.
-template <class Real>
-STICTION_HD StructureView structure_of(const ContactBatchView<Real>& batch, Offset env) {
+STICTION_HD StructureView structure_of(const BatchStructure& batch, Offset env) {
   const Offset row = batch.env_row_offsets[env], cone = batch.env_cone_offsets[env];
   StructureView s;
   s.rows = batch.env_rows(env);
@@ -96,8 +95,7 @@ STICTION_HD Index part_in_use(const Offset* offsets, const Index* counts, Offset
 }
 
 /// Whether the columns of a batch's row lie where there are columns.
-template <class Real>
-STICTION_HD bool has_columns(const ContactBatchView<Real>& batch, Offset row) {
+STICTION_HD bool has_columns(const BatchStructure& batch, Offset row) {
   if (!is_part(batch.row_offsets, row, batch.row_count, batch.nonzero_count)) return false;
   const Offset room = batch.row_offsets[row + 1] - batch.row_offsets[row];
   const Offset count = batch.row_counts == nullptr ? room : batch.row_counts[row];
@@ -107,8 +105,7 @@ STICTION_HD bool has_columns(const ContactBatchView<Real>& batch, Offset row) {
 }
 
 /// Entries in use of some rows.
-template <class Real>
-STICTION_HD Offset stored_entries(const ContactBatchView<Real>& batch, Offset row, Index rows) {
+STICTION_HD Offset stored_entries(const BatchStructure& batch, Offset row, Index rows) {
   if (batch.row_counts == nullptr) return batch.row_offsets[row + rows] - batch.row_offsets[row];
   Offset entries = 0;
   for (Index i = 0; i < rows; ++i) entries += batch.row_counts[row + i];
@@ -116,8 +113,7 @@ STICTION_HD Offset stored_entries(const ContactBatchView<Real>& batch, Offset ro
 }
 
 /// Whether a factor has as many entries in every row of its environment, and takes the place of stored ones.
-template <class Real>
-STICTION_HD bool has_sound_factor(const ContactBatchView<Real>& batch, Offset env, Index rows, Offset stored) {
+STICTION_HD bool has_sound_factor(const BatchStructure& batch, Offset env, Index rows, Offset stored) {
   if (batch.factor_offsets == nullptr) return true;
   if (!is_part(batch.factor_offsets, env, batch.env_count, batch.factor_count)) return false;
   const Offset entries = batch.factor_offsets[env + 1] - batch.factor_offsets[env];
@@ -125,8 +121,7 @@ STICTION_HD bool has_sound_factor(const ContactBatchView<Real>& batch, Offset en
 }
 
 /// Whether the friction of a cone's rows lies where there is friction.
-template <class Real>
-STICTION_HD bool has_friction(const ContactBatchView<Real>& batch, Offset cone) {
+STICTION_HD bool has_friction(const BatchStructure& batch, Offset cone) {
   if (batch.mu_offsets == nullptr || !carries_friction(batch.cone_kind[cone])) return true;
   for (Offset row = batch.cone_row_offsets[cone]; row < batch.cone_row_offsets[cone + 1]; ++row) {
     if (row == batch.normal_row(cone)) continue;
@@ -140,8 +135,8 @@ STICTION_HD bool has_friction(const ContactBatchView<Real>& batch, Offset cone) 
 /// which arrays are null are believed, nothing in the arrays is. No entry is used as a position before it was compared
 /// with a total. All environments (one at least) are sound if and only if validate() finds no structural defect in the
 /// batch. The answer is on every lane.
-template <Team TeamT, class Real>
-STICTION_HD_OUTLINE bool structure_is_sound(TeamT& team, const ContactBatchView<Real>& batch, Offset env) {
+template <Team TeamT>
+STICTION_HD_OUTLINE bool structure_is_sound(TeamT& team, const BatchStructure& batch, Offset env) {
   const Index rows = part_in_use(batch.env_row_offsets, batch.env_row_counts, env, batch.env_count, batch.row_count);
   const Index cones =
       part_in_use(batch.env_cone_offsets, batch.env_cone_counts, env, batch.env_count, batch.cone_count);

@@ -20,14 +20,12 @@ struct WarmStartSpan {
 constexpr Index kContactRows = 3;
 
 /// Whether the batch's cones are contact points of bodies: it has no offsets of rows, because each has three.
-template <class Real>
-STICTION_HD bool are_contacts(const ContactBatchView<Real>& batch) {
+STICTION_HD bool are_contacts(const BatchLayout& batch) {
   return batch.cone_row_offsets == nullptr;
 }
 
 template <class Real>
-STICTION_HD WarmStartSpan warm_start_span(const ContactBatchView<Real>& batch, const WarmStartMemory<Real>& memory,
-                                          Offset env) {
+STICTION_HD WarmStartSpan warm_start_span(const BatchLayout& batch, const WarmStartMemory<Real>& memory, Offset env) {
   const Offset cone = batch.env_cone_offsets[env];
   const Index cones = batch.env_cones(env);
   const bool contacts = are_contacts(batch);
@@ -38,8 +36,8 @@ STICTION_HD WarmStartSpan warm_start_span(const ContactBatchView<Real>& batch, c
 
 /// Writes the environment's cones to `entry`, sorted by id and, among equal ids, by their order in the batch. Returns
 /// the flag of duplicate ids, on every lane.
-template <Team TeamT, class Real>
-STICTION_HD std::uint32_t sort_cones(TeamT& team, const ContactBatchView<Real>& batch, const std::uint64_t* cone_id,
+template <Team TeamT>
+STICTION_HD std::uint32_t sort_cones(TeamT& team, const BatchLayout& batch, const std::uint64_t* cone_id,
                                      const WarmStartSpan& span, WarmStartEntry* entry) {
   const bool contacts = are_contacts(batch);
   for_each(team, span.cones, [&](Index c) {

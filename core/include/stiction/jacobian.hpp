@@ -27,26 +27,13 @@ enum class MassForm : std::uint8_t {
 /// place of velocities, as MuJoCo has them, it is a force. Rows, cones, R, mu, lo and hi are those of ContactBatchView,
 /// and as there counts allow room behind what is in use. In device memory the totals are the room of the arrays.
 template <class Real>
-struct JacobianBatchView {
-  Offset env_count = 0;                       ///< environments
-  Offset cone_count = 0;                      ///< cones of all environments
-  Offset row_count = 0;                       ///< rows of all environments
-  Offset dof_count = 0;                       ///< degrees of freedom of all environments
-  Offset entry_count = 0;                     ///< length of J
-  Offset mass_count = 0;                      ///< length of M
-  const Offset* env_row_offsets = nullptr;    ///< first row of each environment        (env_count + 1)
-  const Offset* env_cone_offsets = nullptr;   ///< first cone of each environment       (env_count + 1)
-  const Offset* env_dof_offsets = nullptr;    ///< first degree of freedom of each      (env_count + 1)
-  const Offset* env_mass_offsets = nullptr;   ///< first entry of M of each             (env_count + 1)
-  const Index* env_row_counts = nullptr;      ///< rows in use; null: up to the next one's first   (env_count)
-  const Index* env_cone_counts = nullptr;     ///< cones in use; null: up to the next one's first  (env_count)
-  const std::uint32_t* env_flags = nullptr;   ///< as in ContactBatchView               (env_count)
-  const double* env_tolerance = nullptr;      ///< as in ContactBatchView               (env_count)
-  const Index* env_max_iterations = nullptr;  ///< as in ContactBatchView              (env_count)
-  const ConeKind* cone_kind = nullptr;        ///< kind                                  (cone_count)
-  const Offset* cone_row_offsets = nullptr;   ///< first row of each cone               (cone_count + 1)
-  const Index* cone_group = nullptr;          ///< as in ContactBatchView, or null      (cone_count)
-  const Offset* row_offsets = nullptr;        ///< first entry of J of each row         (row_count + 1)
+struct JacobianBatchView : BatchLayout, RowLimits<Real> {
+  Offset dof_count = 0;                      ///< degrees of freedom of all environments
+  Offset entry_count = 0;                    ///< length of J
+  Offset mass_count = 0;                     ///< length of M
+  const Offset* env_dof_offsets = nullptr;   ///< first degree of freedom of each      (env_count + 1)
+  const Offset* env_mass_offsets = nullptr;  ///< first entry of M of each             (env_count + 1)
+  const Offset* row_offsets = nullptr;       ///< first entry of J of each row         (row_count + 1)
   const Index* column = nullptr;  ///< CSR: degree of freedom of each entry, within the environment, duplicates
                                   ///< add up; null: each row has one entry per degree of freedom  (entry_count)
   const Real* J = nullptr;        ///< constraint Jacobian [w / v]                      (entry_count)
@@ -54,25 +41,9 @@ struct JacobianBatchView {
                                   ///< lower triangles are read [lambda w / v^2]        (mass_count)
   const Real* v_free = nullptr;   ///< velocity without reactions [v]                   (dof_count)
   const Real* target = nullptr;   ///< motion that rows aim at, or null: zeros [w]      (row_count)
-  const Real* R = nullptr;        ///< compliance, >= 0 [w / lambda]                    (row_count)
-  const Real* mu = nullptr;       ///< friction per axis                                (row_count)
-  const Real* lo = nullptr;       ///< lower bounds of box rows [lambda]                (row_count)
-  const Real* hi = nullptr;       ///< upper bounds of box rows [lambda]                (row_count)
   MassForm mass_form = MassForm::matrix;  ///< what M holds
-  Index mass_block = 0;   ///< rows of the blocks of M: 1 diagonal, 6 rigid bodies, ...; 0: M is one block
-  Law law = Law::convex;  ///< of the friction cones
-  MemorySpace space = MemorySpace::host;  ///< where all arrays are
+  Index mass_block = 0;  ///< rows of the blocks of M: 1 diagonal, 6 rigid bodies, ...; 0: M is one block
 
-  /// Rows of an environment.
-  [[nodiscard]] STICTION_HD Index env_rows(Offset env) const {
-    return env_row_counts != nullptr ? env_row_counts[env]
-                                     : static_cast<Index>(env_row_offsets[env + 1] - env_row_offsets[env]);
-  }
-  /// Cones of an environment.
-  [[nodiscard]] STICTION_HD Index env_cones(Offset env) const {
-    return env_cone_counts != nullptr ? env_cone_counts[env]
-                                      : static_cast<Index>(env_cone_offsets[env + 1] - env_cone_offsets[env]);
-  }
   /// Degrees of freedom of an environment.
   [[nodiscard]] STICTION_HD Index env_dofs(Offset env) const {
     return static_cast<Index>(env_dof_offsets[env + 1] - env_dof_offsets[env]);

@@ -43,6 +43,9 @@ struct JacobianSolutionView {
   Real* w = nullptr;            ///< residual motion [w], may be null            (row_count)
   Real* velocity = nullptr;     ///< v_free + M^-1 J' lambda [v], may be null    (dof_count)
   EnvStatus* status = nullptr;  ///< one record each                             (env_count)
+
+  /// The part that a contact batch's solution has.
+  operator SolutionView<Real>() const { return {lambda, w, status}; }
 };
 
 template <class Real>

@@ -80,64 +80,27 @@ class WarmStartStore {
   WarmStartStore(WarmStartStore&&) noexcept;
   WarmStartStore& operator=(WarmStartStore&&) noexcept;
 
-  /// Writes the first guess of every row: what is stored, brought to this step of length `dt` [s], or +0. The batch's
-  /// structure must be sound (Solver::plan checks it); its numbers are not read. cone_id: (cone_count), guess:
-  /// (row_count) [lambda]. Both are in the batch's memory space, which is host memory for a store on the CPU and
-  /// device memory else. There the call is asynchronous on `stream` and may be captured.
+  /// Writes the first guess of every row of a contact or Jacobian batch: reactions stored, brought to this step of
+  /// length `dt` [s], or +0. The batch's structure must be sound (Solver::plan checks it); its numbers are not read.
+  /// cone_id: (cone_count), guess: (row_count) [lambda]. Both are in the batch's memory space, which is host memory for
+  /// a store on the CPU and device memory else. There the call is asynchronous on `stream` and may be captured.
   /// \throws Error(invalid_argument) before anything is written. Reasons are more environments than the store has room
   /// for, dt not finite or <= 0, an array missing, memory of another device.
-  void load(const ContactBatchView<Real>& batch, const std::uint64_t* cone_id, double dt, Real* guess,
+  void load(const BatchLayout& batch, const std::uint64_t* cone_id, double dt, Real* guess,
             StreamRef stream = StreamRef::default_stream());
 
   /// Stores the reactions of this step in the place of the step before; environments beyond the batch's are reset.
   /// solution: lambda (row_count) and status (env_count) as the solver wrote them. \throws as load
-  void store(const ContactBatchView<Real>& batch, const std::uint64_t* cone_id, const SolutionView<Real>& solution,
-             double dt, StreamRef stream = StreamRef::default_stream());
+  void store(const BatchLayout& batch, const std::uint64_t* cone_id, const SolutionView<Real>& solution, double dt,
+             StreamRef stream = StreamRef::default_stream());
 
-  /// Writes the first guess of a Jacobian batch. \throws as load of a contact batch.
-  void load(const JacobianBatchView<Real>& batch, const std::uint64_t* cone_id, double dt, Real* guess,
-            StreamRef stream = StreamRef::default_stream());
-  /// Stores the reactions of a Jacobian batch. \throws as load of a contact batch.
-  void store(const JacobianBatchView<Real>& batch, const std::uint64_t* cone_id,
-             const JacobianSolutionView<Real>& solution, double dt, StreamRef stream = StreamRef::default_stream());
   /// Writes the first guess of contacts of bodies, three numbers each (docs/howto/bodies.md): (3 * contact_count) [N
-  /// s]. \throws as load of a contact batch.
+  /// s]. \throws as load above
   void load(const BodyBatchView<Real>& batch, const std::uint64_t* contact_id, double dt, Real* guess,
             StreamRef stream = StreamRef::default_stream());
-  /// Stores the impulses of contacts of bodies. \throws as load of a contact batch.
+  /// Stores the impulses of contacts of bodies. \throws as load above
   void store(const BodyBatchView<Real>& batch, const std::uint64_t* contact_id, const BodySolutionView<Real>& solution,
              double dt, StreamRef stream = StreamRef::default_stream());
-
-  /// Name of load before numerics epoch 2, kept until 1.0.
-  void recall(const ContactBatchView<Real>& batch, const std::uint64_t* cone_id, double dt, Real* guess,
-              StreamRef stream = StreamRef::default_stream()) {
-    load(batch, cone_id, dt, guess, stream);
-  }
-  /// Name of load before numerics epoch 2, kept until 1.0.
-  void recall(const JacobianBatchView<Real>& batch, const std::uint64_t* cone_id, double dt, Real* guess,
-              StreamRef stream = StreamRef::default_stream()) {
-    load(batch, cone_id, dt, guess, stream);
-  }
-  /// Name of load before numerics epoch 2, kept until 1.0.
-  void recall(const BodyBatchView<Real>& batch, const std::uint64_t* contact_id, double dt, Real* guess,
-              StreamRef stream = StreamRef::default_stream()) {
-    load(batch, contact_id, dt, guess, stream);
-  }
-  /// Name of store before numerics epoch 2, kept until 1.0.
-  void remember(const ContactBatchView<Real>& batch, const std::uint64_t* cone_id, const SolutionView<Real>& solution,
-                double dt, StreamRef stream = StreamRef::default_stream()) {
-    store(batch, cone_id, solution, dt, stream);
-  }
-  /// Name of store before numerics epoch 2, kept until 1.0.
-  void remember(const JacobianBatchView<Real>& batch, const std::uint64_t* cone_id,
-                const JacobianSolutionView<Real>& solution, double dt, StreamRef stream = StreamRef::default_stream()) {
-    store(batch, cone_id, solution, dt, stream);
-  }
-  /// Name of store before numerics epoch 2, kept until 1.0.
-  void remember(const BodyBatchView<Real>& batch, const std::uint64_t* contact_id,
-                const BodySolutionView<Real>& solution, double dt, StreamRef stream = StreamRef::default_stream()) {
-    store(batch, contact_id, solution, dt, stream);
-  }
 
   /// Resets environments that start over. \throws Error(invalid_argument) for an index outside the capacity, or
   /// during a capture, which would replay this list; then nothing was reset.
@@ -158,7 +121,7 @@ class WarmStartStore {
   [[nodiscard]] const WarmStartOptions& options() const noexcept { return options_; }
 
  private:
-  void check(const ContactBatchView<Real>& batch, const std::uint64_t* cone_id, double dt) const;
+  void check(const BatchLayout& batch, const std::uint64_t* cone_id, double dt) const;
 
   Device device_;
   WarmStartCapacity capacity_;

@@ -4,7 +4,7 @@
 #include <span>
 
 #include "core/base/dense_rows.hpp"
-#include "stiction/batch.hpp"
+#include "stiction/batch_structure.hpp"
 
 namespace stiction {
 
@@ -16,8 +16,7 @@ enum class StoredColumns : std::uint8_t {
 };
 
 /// Of `rows` rows from `first` on, whose offsets are sound.
-template <class Real>
-StoredColumns stored_columns(const ContactBatchView<Real>& batch, Offset first, Index rows) {
+inline StoredColumns stored_columns(const BatchStructure& batch, Offset first, Index rows) {
   if (rows == 0) return StoredColumns::run;
   const Index* const counts = batch.row_counts == nullptr ? nullptr : batch.row_counts + first;
   const Offset* const offsets = batch.row_offsets + first;
@@ -40,8 +39,7 @@ inline bool all_below(std::span<const Index> indices, Index bound) {
 }
 
 /// Whether the columns of an environment's rows are all of its own. Rows that follow one another are read as one.
-template <class Real>
-bool columns_below(const ContactBatchView<Real>& batch, Offset first, Index rows, std::size_t entries) {
+inline bool columns_below(const BatchStructure& batch, Offset first, Index rows, std::size_t entries) {
   if (batch.row_counts == nullptr && batch.column_offsets == nullptr)
     return all_below(std::span(batch.row_columns(first), entries), rows);
   bool sound = true;
