@@ -17,7 +17,7 @@ CODE = {".hpp", ".cpp", ".cu", ".cuh", ".h", ".c", ".inc", ".py", ".sh", ".cmake
 TEXT = CODE | {".md", ".json", ".yml", ".yaml", ".cff", ".in", ".toml"}
 MAX_LINES = 400  # of code; beyond this a file holds more than one idea
 # Longer, and why.
-LONG_TABLES = {"tests/support/golden.inc": "hashes of every case, recorded by tools/update_goldens.py"}
+LONG_TABLES = {"tests/support/golden/hashes.inc": "hashes of every case, recorded by tools/update_goldens.py"}
 # The rules themselves spell the words they look for.
 SPELLS_THE_WORDS = {"tools/lint_words.py"}
 
@@ -168,7 +168,7 @@ def self_test():
         ("a.cpp", "int x;\n" * (MAX_LINES + 1), 1),
         ("a.c", "int x;\n" * (MAX_LINES + 1), 1),
         ("a.py", "x = 1\n" * (MAX_LINES + 1), 1),
-        ("tests/support/golden.inc", "int x;\n" * (MAX_LINES + 1), 0),
+        ("tests/support/golden/hashes.inc", "int x;\n" * (MAX_LINES + 1), 0),
     ]
     failed = [(path, text[:40]) for path, text, expected in cases if len(problems_of(path, text)) != expected]
     for path, text in failed:

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Write tests/support/golden.inc from what a build computes, and say what changed.
+"""Write tests/support/golden/hashes.inc from what a build computes, and say what changed.
 
 usage: tools/update_goldens.py BUILD_DIR [--reason "one sentence"]
        tools/update_goldens.py --self-test
@@ -21,7 +21,7 @@ import sys
 import tempfile
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
-TABLE = ROOT / "tests" / "support" / "golden.inc"
+TABLE = ROOT / "tests" / "support" / "golden" / "hashes.inc"
 CONFIG = ROOT / "core" / "include" / "stiction" / "config.hpp"
 TARGET = "determinism_test_golden"
 HEADER = re.compile(r"// Numerics epoch (\d+)\. .*")

@@ -5,9 +5,9 @@
 #include <span>
 
 #include "stiction/residual.hpp"
-#include "tests/support/oracle.hpp"
-#include "tests/support/random_systems.hpp"
-#include "tests/support/small_systems.hpp"
+#include "tests/support/oracles/oracle.hpp"
+#include "tests/support/systems/random_systems.hpp"
+#include "tests/support/systems/small_systems.hpp"
 
 // The oracle is held to account first; then what solvers do with problems whose every solution is known.
 

@@ -8,7 +8,7 @@
 
 #include "stiction/io.hpp"
 #include "stiction/residual.hpp"
-#include "tests/support/jacobian_systems.hpp"
+#include "tests/support/systems/jacobian_systems.hpp"
 
 namespace {
 

@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 
-#include "tests/support/small_systems.hpp"
-#include "tests/support/solve_alone.hpp"
+#include "tests/support/machines/solve_alone.hpp"
+#include "tests/support/systems/small_systems.hpp"
 
 #if defined(STICTION_TEST_HAS_IO)
 #include <filesystem>

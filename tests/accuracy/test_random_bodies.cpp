@@ -3,9 +3,9 @@
 #if defined(STICTION_TEST_HAS_RAPIDCHECK)
 #include <rapidcheck.h>
 
-#include "tests/support/body_systems.hpp"
-#include "tests/support/random_always.hpp"
-#include "tests/support/random_checks.hpp"
+#include "tests/support/oracles/random_always.hpp"
+#include "tests/support/oracles/random_checks.hpp"
+#include "tests/support/systems/body_systems.hpp"
 
 /// What holds for any bodies and contacts thrown together, for each way to solve them.
 namespace stiction::test {

@@ -3,8 +3,8 @@
 #if defined(STICTION_TEST_HAS_RAPIDCHECK)
 #include <rapidcheck.h>
 
-#include "tests/support/random_always.hpp"
-#include "tests/support/random_checks.hpp"
+#include "tests/support/oracles/random_always.hpp"
+#include "tests/support/oracles/random_checks.hpp"
 
 /// What holds for every system that a random recipe makes, for each solver that promises it.
 namespace stiction::test {

@@ -4,7 +4,7 @@
 
 #include "scenes/body_scenes.hpp"
 #include "stiction/residual.hpp"
-#include "tests/support/small_systems.hpp"
+#include "tests/support/systems/small_systems.hpp"
 
 /// Problems without a solution, and coefficients without sense. A reaction or a friction so large that everything else
 /// is rounding beside it has a residual of zero, and is not solved.

@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 
 #if defined(STICTION_TEST_HAS_IO)
-#include "tests/support/real_files.hpp"
+#include "tests/support/systems/real_files.hpp"
 #endif
 
 /// The 82 Coulomb environments of other libraries, by family. R = 0 and A is mostly of deficient rank, so that lambda

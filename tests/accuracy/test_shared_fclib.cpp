@@ -2,7 +2,7 @@
 
 #if defined(STICTION_TEST_HAS_IO)
 #include "stiction/error.hpp"
-#include "tests/support/real_files.hpp"
+#include "tests/support/systems/real_files.hpp"
 #endif
 
 /// The files of the FCLIB collection as they were published. They are local problems, global ones condensed by the

@@ -1,8 +1,8 @@
 #include <gtest/gtest.h>
 
 #if defined(STICTION_TEST_HAS_IO)
-#include "tests/support/every_solver.hpp"
-#include "tests/support/real_files.hpp"
+#include "tests/support/machines/every_solver.hpp"
+#include "tests/support/systems/real_files.hpp"
 #endif
 
 /// Complementarity problems of other libraries, many of them not symmetric or with several solutions, and the normal

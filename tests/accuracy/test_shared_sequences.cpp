@@ -2,8 +2,8 @@
 
 #if defined(STICTION_TEST_HAS_IO)
 #include "stiction/analysis.hpp"
-#include "tests/support/every_solver.hpp"
-#include "tests/support/real_files.hpp"
+#include "tests/support/machines/every_solver.hpp"
+#include "tests/support/systems/real_files.hpp"
 #endif
 
 /// Consecutive time steps of a stack and of a heap. Of the heap's matrices many are not what a mechanism made: whole

@@ -2,8 +2,8 @@
 
 #include "stiction/status.hpp"
 #include "tests/support/bits.hpp"
-#include "tests/support/scene_batches.hpp"
-#include "tests/support/small_systems.hpp"
+#include "tests/support/systems/scene_batches.hpp"
+#include "tests/support/systems/small_systems.hpp"
 
 /// The example of docs/tutorials/writing_a_solver.md. This file is not built here: add_solver.py adds it to a copy of
 /// the tree, together with the solver.

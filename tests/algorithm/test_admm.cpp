@@ -6,8 +6,8 @@
 #include <span>
 #include <vector>
 
-#include "tests/support/hand_answers.hpp"
-#include "tests/support/random_checks.hpp"
+#include "tests/support/oracles/hand_answers.hpp"
+#include "tests/support/oracles/random_checks.hpp"
 
 namespace {
 

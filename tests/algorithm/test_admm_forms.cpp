@@ -7,12 +7,12 @@
 #include "core/algorithm/solver/admm/admm.hpp"
 #include "scenes/scenes.hpp"
 #include "tests/support/bits.hpp"
-#include "tests/support/certificate.hpp"
-#include "tests/support/factor_systems.hpp"
-#include "tests/support/matrixless.hpp"
-#include "tests/support/random_systems.hpp"
-#include "tests/support/solve_alone.hpp"
-#include "tests/support/solve_on_lanes.hpp"
+#include "tests/support/machines/matrixless.hpp"
+#include "tests/support/machines/solve_alone.hpp"
+#include "tests/support/machines/solve_on_lanes.hpp"
+#include "tests/support/oracles/certificate.hpp"
+#include "tests/support/systems/factor_systems.hpp"
+#include "tests/support/systems/random_systems.hpp"
 
 /// Alternating directions without the matrix of the rows: through the velocities, and by conjugate gradients.
 namespace {

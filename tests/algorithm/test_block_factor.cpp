@@ -6,8 +6,8 @@
 
 #include "core/plan/block_tables.hpp"
 #include "stiction/error.hpp"
-#include "tests/support/preconditioner_room.hpp"
-#include "tests/support/stress_team.hpp"
+#include "tests/support/machines/preconditioner_room.hpp"
+#include "tests/support/machines/stress_team.hpp"
 
 #ifdef STICTION_TEST_HAS_EIGEN
 #include <Eigen/Sparse>

@@ -9,8 +9,8 @@
 #include "scenes/box_scenes.hpp"
 #include "stiction/residual.hpp"
 #include "tests/support/bits.hpp"
-#include "tests/support/body_systems.hpp"
 #include "tests/support/error_message.hpp"
+#include "tests/support/systems/body_systems.hpp"
 
 /// Newton's method in body space through the public interface, against the assembled contact system, whose judge shares
 /// nothing with it.

@@ -7,7 +7,7 @@
 #include <random>
 #include <string>
 
-#include "tests/support/placed_shapes.hpp"
+#include "tests/support/systems/placed_shapes.hpp"
 
 namespace stiction::test {
 

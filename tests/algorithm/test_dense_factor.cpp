@@ -6,7 +6,7 @@
 
 #include "core/algorithm/linear/dense/dense_factor.hpp"
 #include "core/team/team.hpp"
-#include "tests/support/stress_team.hpp"
+#include "tests/support/machines/stress_team.hpp"
 
 namespace stiction::test {
 namespace {

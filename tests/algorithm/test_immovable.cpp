@@ -6,8 +6,8 @@
 #include "scenes/rng.hpp"
 #include "stiction/error.hpp"
 #include "stiction/solver.hpp"
-#include "tests/support/every_solver.hpp"
-#include "tests/support/scoped_isa.hpp"
+#include "tests/support/machines/every_solver.hpp"
+#include "tests/support/machines/scoped_isa.hpp"
 
 /// Rows of A + R that are zero (docs/math/immovable.md): they cannot move, and their neighbours are solved all the
 /// same.

@@ -3,10 +3,10 @@
 #include <limits>
 #include <vector>
 
-#include "tests/support/certificate.hpp"
-#include "tests/support/hand_answers.hpp"
-#include "tests/support/random_systems.hpp"
-#include "tests/support/solve_alone.hpp"
+#include "tests/support/machines/solve_alone.hpp"
+#include "tests/support/oracles/certificate.hpp"
+#include "tests/support/oracles/hand_answers.hpp"
+#include "tests/support/systems/random_systems.hpp"
 
 namespace {
 

@@ -8,12 +8,12 @@
 #include "core/algorithm/solver/ipm/ipm.hpp"
 #include "scenes/scenes.hpp"
 #include "tests/support/bits.hpp"
-#include "tests/support/certificate.hpp"
-#include "tests/support/factor_systems.hpp"
-#include "tests/support/matrixless.hpp"
-#include "tests/support/random_systems.hpp"
-#include "tests/support/solve_alone.hpp"
-#include "tests/support/solve_on_lanes.hpp"
+#include "tests/support/machines/matrixless.hpp"
+#include "tests/support/machines/solve_alone.hpp"
+#include "tests/support/machines/solve_on_lanes.hpp"
+#include "tests/support/oracles/certificate.hpp"
+#include "tests/support/systems/factor_systems.hpp"
+#include "tests/support/systems/random_systems.hpp"
 
 /// Interior points whose steps are found by conjugate gradients, as in environments that have no room for a matrix.
 namespace {

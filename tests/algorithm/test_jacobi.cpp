@@ -1,8 +1,8 @@
 #include <gtest/gtest.h>
 
 #include "stiction/error.hpp"
-#include "tests/support/hand_answers.hpp"
-#include "tests/support/small_systems.hpp"
+#include "tests/support/oracles/hand_answers.hpp"
+#include "tests/support/systems/small_systems.hpp"
 
 namespace {
 

@@ -11,9 +11,9 @@
 #include "core/algorithm/pack/lane_progress.hpp"
 #include "core/algorithm/solver/npgs.hpp"
 #include "cpu_fallback/pack/shared_lanes.hpp"
-#include "tests/support/loaded_lanes.hpp"
-#include "tests/support/prepared.hpp"
-#include "tests/support/random_systems.hpp"
+#include "tests/support/machines/loaded_lanes.hpp"
+#include "tests/support/systems/prepared.hpp"
+#include "tests/support/systems/random_systems.hpp"
 
 /// Lanes from inside: what they are loaded with and judged by, against each environment alone. Compiled for each of the
 /// library's widths, packs of several tiles side by side among them.

@@ -9,10 +9,10 @@
 
 #include "scenes/rng.hpp"
 #include "stiction/residual.hpp"
-#include "tests/support/hand_answers.hpp"
-#include "tests/support/oracle.hpp"
-#include "tests/support/prepared.hpp"
-#include "tests/support/solve_alone.hpp"
+#include "tests/support/machines/solve_alone.hpp"
+#include "tests/support/oracles/hand_answers.hpp"
+#include "tests/support/oracles/oracle.hpp"
+#include "tests/support/systems/prepared.hpp"
 
 namespace stiction::test {
 namespace {

@@ -6,8 +6,8 @@
 
 #include "scenes/rng.hpp"
 #include "stiction/residual.hpp"
-#include "tests/support/small_systems.hpp"
-#include "tests/support/solve_alone.hpp"
+#include "tests/support/machines/solve_alone.hpp"
+#include "tests/support/systems/small_systems.hpp"
 
 namespace stiction::test {
 namespace {

@@ -7,9 +7,9 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/support/oracle.hpp"
-#include "tests/support/prepared.hpp"
-#include "tests/support/random_systems.hpp"
+#include "tests/support/oracles/oracle.hpp"
+#include "tests/support/systems/prepared.hpp"
+#include "tests/support/systems/random_systems.hpp"
 
 namespace {
 

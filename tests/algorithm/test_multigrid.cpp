@@ -12,8 +12,8 @@
 
 #include "cpu_fallback/threads/threaded_team.hpp"
 #include "tests/support/bits.hpp"
-#include "tests/support/multigrid_case.hpp"
-#include "tests/support/stress_team.hpp"
+#include "tests/support/machines/stress_team.hpp"
+#include "tests/support/systems/multigrid_case.hpp"
 
 namespace stiction::test {
 namespace {

@@ -8,16 +8,16 @@
 #include <string>
 #include <vector>
 
-#include "tests/support/multigrid_case.hpp"
-#include "tests/support/reference_gradients.hpp"
+#include "tests/support/oracles/reference_gradients.hpp"
+#include "tests/support/systems/multigrid_case.hpp"
 #ifdef STICTION_TEST_HAS_EIGEN
-#include "tests/support/reference_multigrid.hpp"
+#include "tests/support/oracles/reference_multigrid.hpp"
 #endif
 
 /// The table of docs/math/multigrid.md: iterations of conjugate gradients under each preconditioner. Beside each
 /// number, in brackets, stands that of a second program which shares no numerics with the library. It is
-/// tests/support/reference_gradients.hpp for gradients and block Jacobi. It is reference_multigrid.hpp, which wants
-/// Eigen, for the cycles.
+/// tests/support/oracles/reference_gradients.hpp for gradients and block Jacobi. It is reference_multigrid.hpp, which
+/// wants Eigen, for the cycles.
 namespace stiction::test {
 namespace {
 

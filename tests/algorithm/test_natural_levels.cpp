@@ -4,7 +4,7 @@
 
 #include "core/algorithm/linear/block/natural_levels.hpp"
 #include "core/plan/block_factor_plan.hpp"
-#include "tests/support/box_scenes.hpp"
+#include "tests/support/systems/box_scenes.hpp"
 
 /// The plan of incomplete Cholesky that a kernel makes is the one that the host makes, number by number.
 namespace {

@@ -10,8 +10,8 @@
 #include "core/machine/world_arrays.hpp"
 #include "core/runtime/world/world_model.hpp"
 #include "tests/support/bits.hpp"
-#include "tests/support/random_worlds.hpp"
-#include "tests/support/stress_team.hpp"
+#include "tests/support/machines/stress_team.hpp"
+#include "tests/support/systems/random_worlds.hpp"
 
 namespace stiction::test {
 

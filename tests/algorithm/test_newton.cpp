@@ -6,12 +6,12 @@
 #include <vector>
 
 #include "tests/support/bits.hpp"
-#include "tests/support/hand_answers.hpp"
-#include "tests/support/oracle.hpp"
-#include "tests/support/prepared.hpp"
-#include "tests/support/random_systems.hpp"
-#include "tests/support/solve_alone.hpp"
-#include "tests/support/torture_cases.hpp"
+#include "tests/support/machines/solve_alone.hpp"
+#include "tests/support/machines/torture_cases.hpp"
+#include "tests/support/oracles/hand_answers.hpp"
+#include "tests/support/oracles/oracle.hpp"
+#include "tests/support/systems/prepared.hpp"
+#include "tests/support/systems/random_systems.hpp"
 
 namespace stiction::test {
 namespace {

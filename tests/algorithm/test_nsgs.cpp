@@ -5,10 +5,10 @@
 #include <vector>
 
 #include "core/base/pack.hpp"
-#include "tests/support/hand_answers.hpp"
-#include "tests/support/one_cone.hpp"
-#include "tests/support/random_systems.hpp"
-#include "tests/support/small_systems.hpp"
+#include "tests/support/oracles/hand_answers.hpp"
+#include "tests/support/systems/one_cone.hpp"
+#include "tests/support/systems/random_systems.hpp"
+#include "tests/support/systems/small_systems.hpp"
 
 namespace {
 

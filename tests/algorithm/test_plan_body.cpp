@@ -12,8 +12,8 @@
 
 #include "core/plan/plan.hpp"
 #include "core/runtime/check/defects.hpp"
-#include "tests/support/random_structures.hpp"
-#include "tests/support/stress_team.hpp"
+#include "tests/support/machines/stress_team.hpp"
+#include "tests/support/systems/random_structures.hpp"
 
 /// A plan made by however many lanes holds the integers of make_plan(), which tests/unit/plan/test_plan.cpp holds to
 /// its word.

@@ -8,16 +8,16 @@
 #include <string>
 #include <vector>
 
-#include "tests/support/preconditioner_room.hpp"
-#include "tests/support/reference_gradients.hpp"
+#include "tests/support/machines/preconditioner_room.hpp"
+#include "tests/support/oracles/reference_gradients.hpp"
 
 namespace stiction::test {
 namespace {
 
 /// The tables of bench/results/methods.md, each number beside one that does not come from this library. Iterations
-/// stand beside those of tests/support/reference_gradients.hpp, blocks of factors beside an elimination on sets. Every
-/// machine counts the same iterations, for they follow from the bits. In short: what takes seconds without a fused
-/// multiply-add instruction.
+/// stand beside those of tests/support/oracles/reference_gradients.hpp, blocks of factors beside an elimination on
+/// sets. Every machine counts the same iterations, for they follow from the bits. In short: what takes seconds without
+/// a fused multiply-add instruction.
 struct TableRow {
   const char* scene;
   double compliance;

@@ -4,8 +4,8 @@
 #include <vector>
 
 #include "stiction/error.hpp"
-#include "tests/support/preconditioner_room.hpp"
-#include "tests/support/stress_team.hpp"
+#include "tests/support/machines/preconditioner_room.hpp"
+#include "tests/support/machines/stress_team.hpp"
 
 namespace stiction::test {
 namespace {

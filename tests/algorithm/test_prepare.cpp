@@ -7,8 +7,8 @@
 #include <limits>
 
 #include "scenes/rng.hpp"
-#include "tests/support/prepared.hpp"
-#include "tests/support/random_systems.hpp"
+#include "tests/support/systems/prepared.hpp"
+#include "tests/support/systems/random_systems.hpp"
 
 namespace {
 

@@ -17,8 +17,8 @@
 #include "scenes/rng.hpp"
 #include "stiction/residual.hpp"
 #include "stiction/solver.hpp"
-#include "tests/support/prepared.hpp"
-#include "tests/support/random_systems.hpp"
+#include "tests/support/systems/prepared.hpp"
+#include "tests/support/systems/random_systems.hpp"
 
 namespace {
 

@@ -8,8 +8,8 @@
 #include "core/plan/body_plan.hpp"
 #include "scenes/body_scenes.hpp"
 #include "tests/support/bits.hpp"
-#include "tests/support/body_systems.hpp"
-#include "tests/support/stress_team.hpp"
+#include "tests/support/machines/stress_team.hpp"
+#include "tests/support/systems/body_systems.hpp"
 
 /// One body environment on teams of every width, by threads that race unless the body syncs: each must give the bits
 /// of the public solver.

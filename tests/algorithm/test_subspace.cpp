@@ -2,8 +2,8 @@
 
 #include <cmath>
 
-#include "tests/support/hand_answers.hpp"
-#include "tests/support/small_systems.hpp"
+#include "tests/support/oracles/hand_answers.hpp"
+#include "tests/support/systems/small_systems.hpp"
 
 namespace {
 

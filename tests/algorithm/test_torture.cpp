@@ -5,8 +5,8 @@
 
 #include "core/algorithm/solver/apgd.hpp"
 #include "core/algorithm/solver/npgs.hpp"
-#include "tests/support/solve_on_lanes.hpp"
-#include "tests/support/torture_cases.hpp"
+#include "tests/support/machines/solve_on_lanes.hpp"
+#include "tests/support/machines/torture_cases.hpp"
 
 namespace stiction::test {
 

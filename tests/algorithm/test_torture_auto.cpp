@@ -2,8 +2,8 @@
 
 #include <set>
 
-#include "tests/support/every_solver.hpp"
-#include "tests/support/on_engine.hpp"
+#include "tests/support/machines/every_solver.hpp"
+#include "tests/support/machines/on_engine.hpp"
 
 /// The whole chain of SolverKind::automatic: which environment begins where, which goes on, the sorting between, and
 /// every stage from the answer before. Its teams are of the emulated device: threads that meet at barriers and nowhere

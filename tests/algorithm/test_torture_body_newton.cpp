@@ -8,8 +8,8 @@
 #include "scenes/body_scenes.hpp"
 #include "scenes/box_scenes.hpp"
 #include "tests/support/bits.hpp"
-#include "tests/support/body_systems.hpp"
-#include "tests/support/stress_team.hpp"
+#include "tests/support/machines/stress_team.hpp"
+#include "tests/support/systems/body_systems.hpp"
 
 /// Newton's method in body space on teams of every width, by threads that race unless the algorithm syncs. Their
 /// memory may not be read before it is written.

@@ -1,10 +1,10 @@
 #include "core/algorithm/jacobian/delassus.hpp"
 #include "core/base/pack.hpp"
 
-#include "tests/support/jacobian_systems.hpp"
-#include "tests/support/roomy_jacobians.hpp"
-#include "tests/support/stress_team.hpp"
-#include "tests/support/torture_cases.hpp"
+#include "tests/support/machines/stress_team.hpp"
+#include "tests/support/machines/torture_cases.hpp"
+#include "tests/support/systems/jacobian_systems.hpp"
+#include "tests/support/systems/roomy_jacobians.hpp"
 
 namespace stiction::test {
 

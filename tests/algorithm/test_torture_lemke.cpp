@@ -5,10 +5,10 @@
 #include "core/algorithm/solver/lemke/lemke.hpp"
 #include "scenes/rng.hpp"
 #include "tests/support/bits.hpp"
-#include "tests/support/small_systems.hpp"
-#include "tests/support/solve_alone.hpp"
-#include "tests/support/solve_on_lanes.hpp"
-#include "tests/support/torture_cases.hpp"
+#include "tests/support/machines/solve_alone.hpp"
+#include "tests/support/machines/solve_on_lanes.hpp"
+#include "tests/support/machines/torture_cases.hpp"
+#include "tests/support/systems/small_systems.hpp"
 
 /// The scenes of torture_cases.hpp have friction, which Lemke refuses; these have every kind of row that it takes.
 namespace stiction::test {

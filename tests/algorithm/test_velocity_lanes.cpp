@@ -8,9 +8,9 @@
 
 #include "core/algorithm/velocity/lanes/likeness.hpp"
 #include "stiction/residual.hpp"
-#include "tests/support/roomy_jacobians.hpp"
-#include "tests/support/velocity_cases.hpp"
-#include "tests/support/velocity_packs.hpp"
+#include "tests/support/machines/velocity_packs.hpp"
+#include "tests/support/systems/roomy_jacobians.hpp"
+#include "tests/support/systems/velocity_cases.hpp"
 
 /// Newton's method in velocities from inside: the library's packs of every width, with unlike and broken environments
 /// in them, against each environment alone.

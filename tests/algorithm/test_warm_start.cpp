@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "core/algorithm/warm_start/warm_start.hpp"
-#include "tests/support/stress_team.hpp"
+#include "tests/support/machines/stress_team.hpp"
 
 namespace stiction::test {
 namespace {

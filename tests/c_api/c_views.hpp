@@ -7,8 +7,8 @@
 #include "stiction/bodies.hpp"
 #include "stiction/jacobian_solver.hpp"
 #include "stiction/solver.hpp"
-#include "tests/support/body_systems.hpp"
-#include "tests/support/random_systems.hpp"
+#include "tests/support/systems/body_systems.hpp"
+#include "tests/support/systems/random_systems.hpp"
 
 /// For a program that has GoogleTest.
 #define STICTION_OK_OR_SAY(call) ASSERT_EQ(call, STICTION_OK) << stiction_last_error()

@@ -6,8 +6,8 @@
 #include "stiction/residual.hpp"
 #include "tests/c_api/c_views.hpp"
 #include "tests/support/bits.hpp"
-#include "tests/support/jacobian_systems.hpp"
-#include "tests/support/velocity_cases.hpp"
+#include "tests/support/systems/jacobian_systems.hpp"
+#include "tests/support/systems/velocity_cases.hpp"
 
 #ifdef STICTION_TEST_HAS_IO
 #include "stiction/io.hpp"

@@ -4,8 +4,8 @@
 
 #include "tests/c_api/c_views.hpp"
 #include "tests/support/bits.hpp"
-#include "tests/support/derivative_cases.hpp"
-#include "tests/support/jacobian_systems.hpp"
+#include "tests/support/systems/derivative_cases.hpp"
+#include "tests/support/systems/jacobian_systems.hpp"
 
 // Derivatives through the C interface against the C++ one: the same bits.
 namespace {

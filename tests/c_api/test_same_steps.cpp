@@ -6,7 +6,7 @@
 #include "stiction/stepping.hpp"
 #include "tests/c_api/c_views.hpp"
 #include "tests/support/bits.hpp"
-#include "tests/support/jacobian_systems.hpp"
+#include "tests/support/systems/jacobian_systems.hpp"
 
 // Simulation loops through the C interface against the C++ one: the same bits, step by step, in every form.
 namespace {

@@ -3,8 +3,8 @@
 #include <limits>
 
 #include "scenes/body_scenes.hpp"
-#include "tests/support/body_methods.hpp"
-#include "tests/support/scoped_isa.hpp"
+#include "tests/support/machines/body_methods.hpp"
+#include "tests/support/machines/scoped_isa.hpp"
 
 /// Bits of the body form: whatever the threads, the instruction set and the neighbours.
 namespace stiction::test {

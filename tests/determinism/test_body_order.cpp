@@ -4,7 +4,7 @@
 
 #include "scenes/body_scenes.hpp"
 #include "scenes/rng.hpp"
-#include "tests/support/body_methods.hpp"
+#include "tests/support/machines/body_methods.hpp"
 
 /// Environments of bodies keep their bits wherever they are, whatever is beside them and however many there are: by
 /// every method, with every preconditioner.

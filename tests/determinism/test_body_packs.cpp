@@ -7,8 +7,8 @@
 #include "cpu_fallback/pack/work_items.hpp"
 #include "scenes/body_scenes.hpp"
 #include "tests/support/bits.hpp"
-#include "tests/support/body_systems.hpp"
-#include "tests/support/scoped_isa.hpp"
+#include "tests/support/machines/scoped_isa.hpp"
+#include "tests/support/systems/body_systems.hpp"
 
 /// Body environments in the lanes of packs against each of them in a separate call, which no pack takes.
 namespace stiction::test {

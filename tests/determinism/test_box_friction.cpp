@@ -5,11 +5,11 @@
 #include <initializer_list>
 #include <vector>
 
-#include "tests/support/boxed.hpp"
-#include "tests/support/random_systems.hpp"
-#include "tests/support/scene_batches.hpp"
-#include "tests/support/scoped_isa.hpp"
-#include "tests/support/small_systems.hpp"
+#include "tests/support/machines/scoped_isa.hpp"
+#include "tests/support/systems/boxed.hpp"
+#include "tests/support/systems/random_systems.hpp"
+#include "tests/support/systems/scene_batches.hpp"
+#include "tests/support/systems/small_systems.hpp"
 
 namespace {
 

@@ -8,10 +8,10 @@
 #include "core/algorithm/derivative/relaxed_derivative.hpp"
 #include "core/machine/jacobian_machine.hpp"
 #include "tests/support/bits.hpp"
-#include "tests/support/jacobian_derivatives.hpp"
-#include "tests/support/scene_batches.hpp"
-#include "tests/support/scoped_isa.hpp"
-#include "tests/support/stress_team.hpp"
+#include "tests/support/machines/scoped_isa.hpp"
+#include "tests/support/machines/stress_team.hpp"
+#include "tests/support/oracles/jacobian_derivatives.hpp"
+#include "tests/support/systems/scene_batches.hpp"
 
 namespace {
 

@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <type_traits>
 
-#include "tests/support/derivative_cases.hpp"
-#include "tests/support/scoped_isa.hpp"
+#include "tests/support/machines/scoped_isa.hpp"
+#include "tests/support/systems/derivative_cases.hpp"
 
 namespace {
 

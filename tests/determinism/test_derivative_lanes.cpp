@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <numeric>
 
-#include "tests/support/jacobian_derivatives.hpp"
-#include "tests/support/scoped_isa.hpp"
+#include "tests/support/machines/scoped_isa.hpp"
+#include "tests/support/oracles/jacobian_derivatives.hpp"
 
 namespace {
 

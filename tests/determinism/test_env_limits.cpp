@@ -6,8 +6,8 @@
 
 #include "core/plan/islands.hpp"
 #include "stiction/hash.hpp"
-#include "tests/support/scene_batches.hpp"
-#include "tests/support/small_systems.hpp"
+#include "tests/support/systems/scene_batches.hpp"
+#include "tests/support/systems/small_systems.hpp"
 
 /// Separate tolerance and iterations for every environment: each gets what a solve with those options gives it.
 namespace stiction::test {

@@ -4,7 +4,7 @@
 #include <numeric>
 
 #include "scenes/rng.hpp"
-#include "tests/support/every_solver.hpp"
+#include "tests/support/machines/every_solver.hpp"
 
 namespace {
 

@@ -3,9 +3,9 @@
 #include <cfenv>
 #include <cmath>
 
-#include "tests/support/flush_modes.hpp"
-#include "tests/support/scene_batches.hpp"
-#include "tests/support/small_systems.hpp"
+#include "tests/support/machines/flush_modes.hpp"
+#include "tests/support/systems/scene_batches.hpp"
+#include "tests/support/systems/small_systems.hpp"
 
 namespace {
 

@@ -10,8 +10,8 @@
 #include <string_view>
 #include <vector>
 
-#include "tests/support/golden.hpp"
-#include "tests/support/scoped_isa.hpp"
+#include "tests/support/golden/cases.hpp"
+#include "tests/support/machines/scoped_isa.hpp"
 
 namespace {
 

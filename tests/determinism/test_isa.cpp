@@ -8,9 +8,9 @@
 #include "core/plan/plan.hpp"
 #include "cpu_fallback/tables/isa.hpp"
 #include "stiction/error.hpp"
-#include "tests/support/every_solver.hpp"
-#include "tests/support/plan_views.hpp"
-#include "tests/support/scoped_isa.hpp"
+#include "tests/support/machines/every_solver.hpp"
+#include "tests/support/machines/plan_views.hpp"
+#include "tests/support/machines/scoped_isa.hpp"
 
 namespace {
 

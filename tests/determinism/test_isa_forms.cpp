@@ -2,11 +2,11 @@
 
 #include "scenes/body_scenes.hpp"
 #include "stiction/jacobian.hpp"
-#include "tests/support/body_methods.hpp"
-#include "tests/support/every_solver.hpp"
-#include "tests/support/jacobian_systems.hpp"
-#include "tests/support/roomy_jacobians.hpp"
-#include "tests/support/scoped_isa.hpp"
+#include "tests/support/machines/body_methods.hpp"
+#include "tests/support/machines/every_solver.hpp"
+#include "tests/support/machines/scoped_isa.hpp"
+#include "tests/support/systems/jacobian_systems.hpp"
+#include "tests/support/systems/roomy_jacobians.hpp"
 
 /// Every instruction set gives bodies and Jacobians the bits of every other, by every method. test_isa.cpp compares
 /// matrices, test_worlds.cpp worlds.

@@ -11,10 +11,10 @@
 #include "stiction/error.hpp"
 #include "stiction/residual.hpp"
 #include "tests/support/bits.hpp"
-#include "tests/support/island_families.hpp"
-#include "tests/support/random_systems.hpp"
-#include "tests/support/scene_batches.hpp"
-#include "tests/support/small_systems.hpp"
+#include "tests/support/systems/island_families.hpp"
+#include "tests/support/systems/random_systems.hpp"
+#include "tests/support/systems/scene_batches.hpp"
+#include "tests/support/systems/small_systems.hpp"
 
 /// Islands solved apart: each with the bits of a separate environment.
 namespace {

@@ -8,8 +8,8 @@
 #include "scenes/merge.hpp"
 #include "stiction/error.hpp"
 #include "tests/support/bits.hpp"
-#include "tests/support/island_families.hpp"
-#include "tests/support/random_structures.hpp"
+#include "tests/support/systems/island_families.hpp"
+#include "tests/support/systems/random_structures.hpp"
 
 /// Islands solved apart from arrays with room, normals last, factors, flags and plans.
 namespace {

@@ -7,8 +7,8 @@
 #include "core/machine/world_machine.hpp"
 #include "core/runtime/world/world_model.hpp"
 #include "tests/support/bits.hpp"
-#include "tests/support/random_worlds.hpp"
-#include "tests/support/scoped_isa.hpp"
+#include "tests/support/machines/scoped_isa.hpp"
+#include "tests/support/systems/random_worlds.hpp"
 
 namespace stiction::test {
 

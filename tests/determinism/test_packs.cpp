@@ -5,10 +5,10 @@
 #include <limits>
 #include <string>
 
-#include "tests/support/random_systems.hpp"
-#include "tests/support/scene_batches.hpp"
-#include "tests/support/scoped_isa.hpp"
-#include "tests/support/small_systems.hpp"
+#include "tests/support/machines/scoped_isa.hpp"
+#include "tests/support/systems/random_systems.hpp"
+#include "tests/support/systems/scene_batches.hpp"
+#include "tests/support/systems/small_systems.hpp"
 
 /// Contact environments in the lanes of packs against each of them in a separate call, which no pack takes.
 namespace {

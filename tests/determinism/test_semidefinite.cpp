@@ -3,10 +3,10 @@
 
 #include <vector>
 
-#include "tests/support/scene_batches.hpp"
-#include "tests/support/scoped_isa.hpp"
-#include "tests/support/semidefinite_systems.hpp"
-#include "tests/support/small_systems.hpp"
+#include "tests/support/machines/scoped_isa.hpp"
+#include "tests/support/systems/scene_batches.hpp"
+#include "tests/support/systems/semidefinite_systems.hpp"
+#include "tests/support/systems/small_systems.hpp"
 
 namespace {
 

@@ -1,8 +1,8 @@
 #include <gtest/gtest.h>
 
 #include "tests/support/sanitizers.hpp"
-#include "tests/support/scene_batches.hpp"
-#include "tests/support/small_systems.hpp"
+#include "tests/support/systems/scene_batches.hpp"
+#include "tests/support/systems/small_systems.hpp"
 
 namespace {
 

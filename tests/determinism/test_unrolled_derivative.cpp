@@ -6,8 +6,8 @@
 
 #include "core/algorithm/unrolled/unrolled_vjp.hpp"
 #include "core/plan/plan.hpp"
-#include "tests/support/jacobian_derivatives.hpp"
-#include "tests/support/stress_team.hpp"
+#include "tests/support/machines/stress_team.hpp"
+#include "tests/support/oracles/jacobian_derivatives.hpp"
 
 namespace {
 

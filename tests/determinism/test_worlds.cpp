@@ -6,8 +6,8 @@
 #include <optional>
 
 #include "tests/support/bits.hpp"
-#include "tests/support/scoped_isa.hpp"
-#include "tests/support/worlds.hpp"
+#include "tests/support/machines/scoped_isa.hpp"
+#include "tests/support/systems/worlds.hpp"
 
 namespace stiction::test {
 

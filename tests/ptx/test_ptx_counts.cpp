@@ -13,7 +13,7 @@
 #include "stiction/solver.hpp"
 #include "tests/ptx/lane.hpp"
 #include "tests/support/bits.hpp"
-#include "tests/support/on_engine.hpp"
+#include "tests/support/machines/on_engine.hpp"
 
 /// How much the generated code executes for recorded robots: what makes a kernel slow and shows in no bit.
 /// `STICTION_UPDATE_COUNTS=1` writes the table instead.

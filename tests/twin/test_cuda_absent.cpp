@@ -4,7 +4,7 @@
 #include <string>
 
 #include "stiction/error.hpp"
-#include "tests/support/cuda_device.hpp"
+#include "tests/support/machines/cuda_device.hpp"
 
 /// What a machine without a usable GPU is told.
 namespace stiction::test {

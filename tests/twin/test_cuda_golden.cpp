@@ -3,8 +3,8 @@
 #include <optional>
 #include <string>
 
-#include "tests/support/cuda_device.hpp"
-#include "tests/support/golden.hpp"
+#include "tests/support/golden/cases.hpp"
+#include "tests/support/machines/cuda_device.hpp"
 
 /// The golden table computed on a GPU. Without a device every test here is skipped, with the reason.
 namespace stiction::test {

@@ -1,6 +1,6 @@
 #include <gtest/gtest.h>
 
-#include "tests/support/cuda_device.hpp"
+#include "tests/support/machines/cuda_device.hpp"
 
 /// A solve captured into a CUDA graph once and launched again and again.
 #if !defined(STICTION_HAS_CUDA)
@@ -15,8 +15,8 @@ TEST(CudaGraph, IsTestedWhereTheBuildHasCuda) {
 
 #include "cuda/native/cuda_api.hpp"
 #include "cuda/native/cuda_check.hpp"
-#include "tests/support/device_batch.hpp"
-#include "tests/support/twin_batches.hpp"
+#include "tests/support/machines/device_batch.hpp"
+#include "tests/support/systems/twin_batches.hpp"
 
 namespace stiction::test {
 namespace {

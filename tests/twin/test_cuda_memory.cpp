@@ -1,6 +1,6 @@
 #include <gtest/gtest.h>
 
-#include "tests/support/cuda_device.hpp"
+#include "tests/support/machines/cuda_device.hpp"
 
 /// Batches that live on the GPU, and the errors of a device.
 #if !defined(STICTION_HAS_CUDA)
@@ -17,8 +17,8 @@ TEST(CudaMemory, IsTestedWhereTheBuildHasCuda) {
 #include "cuda/native/cuda_check.hpp"
 #include "stiction/error.hpp"
 #include "tests/support/bits.hpp"
-#include "tests/support/scene_batches.hpp"
-#include "tests/support/small_systems.hpp"
+#include "tests/support/systems/scene_batches.hpp"
+#include "tests/support/systems/small_systems.hpp"
 
 namespace stiction::test {
 namespace {

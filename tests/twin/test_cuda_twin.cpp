@@ -8,9 +8,9 @@
 #include <vector>
 
 #include "tests/support/bits.hpp"
-#include "tests/support/cuda_device.hpp"
-#include "tests/support/small_systems.hpp"
-#include "tests/support/twin_batches.hpp"
+#include "tests/support/machines/cuda_device.hpp"
+#include "tests/support/systems/small_systems.hpp"
+#include "tests/support/systems/twin_batches.hpp"
 #if defined(STICTION_HAS_CUDA)
 #include "cuda/machine/contact_machine.hpp"
 #include "cuda/native/cuda_api.hpp"

@@ -3,10 +3,10 @@
 #include <memory>
 
 #include "stiction/jacobian_solver.hpp"
-#include "tests/support/box_jacobians.hpp"
-#include "tests/support/device_jacobians.hpp"
-#include "tests/support/roomy_jacobians.hpp"
-#include "tests/support/velocity_cases.hpp"
+#include "tests/support/machines/device_jacobians.hpp"
+#include "tests/support/systems/box_jacobians.hpp"
+#include "tests/support/systems/roomy_jacobians.hpp"
+#include "tests/support/systems/velocity_cases.hpp"
 
 /// Environments in blocks on the emulated device.
 namespace stiction::test {

@@ -8,7 +8,7 @@
 #include "scenes/body_scenes.hpp"
 #include "scenes/box_scenes.hpp"
 #include "stiction/error.hpp"
-#include "tests/support/body_methods.hpp"
+#include "tests/support/machines/body_methods.hpp"
 
 /// Bodies on the emulated device: what the GPU's host code queues gives the CPU's bits.
 namespace stiction::test {

@@ -6,9 +6,9 @@
 #include "cuda/machine/engine.hpp"
 #include "python/src/captured_objects.hpp"
 #include "stiction/error.hpp"
-#include "tests/support/device_batch.hpp"
-#include "tests/support/scene_batches.hpp"
-#include "tests/support/small_systems.hpp"
+#include "tests/support/machines/device_batch.hpp"
+#include "tests/support/systems/scene_batches.hpp"
+#include "tests/support/systems/small_systems.hpp"
 
 /// What graphs have pointers to, where a larger solver takes the place of the one that was captured.
 namespace stiction::test {

@@ -12,9 +12,9 @@
 #include "stiction/captured_calls.hpp"
 #include "stiction/error.hpp"
 #include "tests/support/bits.hpp"
-#include "tests/support/derivative_cases.hpp"
 #include "tests/support/error_message.hpp"
-#include "tests/support/jacobian_systems.hpp"
+#include "tests/support/systems/derivative_cases.hpp"
+#include "tests/support/systems/jacobian_systems.hpp"
 
 /// Derivatives of a device, on the emulated device: the same numbers and records as the CPU's, to the last bit.
 namespace stiction::test {

@@ -4,9 +4,9 @@
 #include "cuda/machine/contact_machine.hpp"
 #include "cuda/machine/engine.hpp"
 #include "stiction/error.hpp"
-#include "tests/support/device_batch.hpp"
-#include "tests/support/every_solver.hpp"
-#include "tests/support/on_engine.hpp"
+#include "tests/support/machines/device_batch.hpp"
+#include "tests/support/machines/every_solver.hpp"
+#include "tests/support/machines/on_engine.hpp"
 #include "tests/support/sanitizers.hpp"
 
 /// The GPU's host code and kernels on the emulated device: what it queues, in any order the streams allow, gives the

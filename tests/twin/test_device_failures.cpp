@@ -3,7 +3,7 @@
 #include "cuda/emulated/emulated_device.hpp"
 #include "cuda/machine/contact_machine.hpp"
 #include "stiction/error.hpp"
-#include "tests/support/device_batch.hpp"
+#include "tests/support/machines/device_batch.hpp"
 
 /// A device that fails at any call. The caller gets an error, its arrays stay as they were, nothing leaks, and the
 /// next solve on a sound device is right.

@@ -4,10 +4,10 @@
 
 #include "stiction/jacobian.hpp"
 #include "stiction/padded.hpp"
-#include "tests/support/jacobian_systems.hpp"
-#include "tests/support/random_systems.hpp"
-#include "tests/support/scene_batches.hpp"
-#include "tests/support/small_systems.hpp"
+#include "tests/support/systems/jacobian_systems.hpp"
+#include "tests/support/systems/random_systems.hpp"
+#include "tests/support/systems/scene_batches.hpp"
+#include "tests/support/systems/small_systems.hpp"
 
 /// The forms a batch can have beside plain CSR rows: read where they lie by a device too, with the CPU's bits.
 namespace stiction::test {

@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "tests/support/golden.hpp"
+#include "tests/support/golden/cases.hpp"
 
 /// The golden table computed by the GPU's kernels and launches on the emulated device.
 namespace stiction::test {

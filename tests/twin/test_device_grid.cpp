@@ -7,9 +7,9 @@
 #include "cuda/emulated/emulated_launch.hpp"
 #include "cuda/machine/body_machine.hpp"
 #include "scenes/body_scenes.hpp"
-#include "tests/support/body_methods.hpp"
-#include "tests/support/every_solver.hpp"
-#include "tests/support/on_engine.hpp"
+#include "tests/support/machines/body_methods.hpp"
+#include "tests/support/machines/every_solver.hpp"
+#include "tests/support/machines/on_engine.hpp"
 #include "tests/support/sanitizers.hpp"
 
 /// One team that is the whole device. It is several blocks on the emulated device, whose lanes run at once, disagree

@@ -11,9 +11,9 @@
 #include "stiction/error.hpp"
 #include "stiction/jacobian_solver.hpp"
 #include "tests/support/bits.hpp"
-#include "tests/support/device_jacobians.hpp"
-#include "tests/support/roomy_jacobians.hpp"
-#include "tests/support/velocity_cases.hpp"
+#include "tests/support/machines/device_jacobians.hpp"
+#include "tests/support/systems/roomy_jacobians.hpp"
+#include "tests/support/systems/velocity_cases.hpp"
 
 /// The Jacobian form on the emulated device. It gives the reactions, motion, velocities and records of the CPU, whose
 /// batch is assembled by other code.

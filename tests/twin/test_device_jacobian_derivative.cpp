@@ -9,7 +9,7 @@
 #include "stiction/error.hpp"
 #include "tests/support/bits.hpp"
 #include "tests/support/error_message.hpp"
-#include "tests/support/jacobian_derivatives.hpp"
+#include "tests/support/oracles/jacobian_derivatives.hpp"
 
 /// Derivatives by J and M of a device, on the emulated device: the same numbers and records as the CPU's, to the last
 /// bit.

@@ -5,9 +5,9 @@
 #include "cuda/emulated/emulated_device.hpp"
 #include "cuda/machine/jacobian_machine.hpp"
 #include "stiction/jacobian_solver.hpp"
-#include "tests/support/device_jacobians.hpp"
-#include "tests/support/jacobian_systems.hpp"
-#include "tests/support/roomy_jacobians.hpp"
+#include "tests/support/machines/device_jacobians.hpp"
+#include "tests/support/systems/jacobian_systems.hpp"
+#include "tests/support/systems/roomy_jacobians.hpp"
 
 /// What a device takes room for when a solver of Jacobian batches is made, so that a solve allocates and loads nothing.
 namespace stiction::test {

@@ -10,8 +10,8 @@
 
 #include "core/plan/islands.hpp"
 #include "cuda/emulated/emulated_device.hpp"
-#include "tests/support/plan_integers.hpp"
-#include "tests/support/random_structures.hpp"
+#include "tests/support/oracles/plan_integers.hpp"
+#include "tests/support/systems/random_structures.hpp"
 
 /// The device scheduler, launched as the GPU launches it: its integers are those of the host's planner and of a library
 /// sort.

@@ -8,9 +8,9 @@
 #include "cuda/emulated/emulated_device.hpp"
 #include "cuda/machine/engine.hpp"
 #include "tests/support/bits.hpp"
-#include "tests/support/device_batch.hpp"
-#include "tests/support/prepared.hpp"
-#include "tests/support/random_systems.hpp"
+#include "tests/support/machines/device_batch.hpp"
+#include "tests/support/systems/prepared.hpp"
+#include "tests/support/systems/random_systems.hpp"
 
 /// Small environments whose chunks run with the system in registers: which do, and that the bits do not tell.
 namespace stiction::test {

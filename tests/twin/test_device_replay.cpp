@@ -7,7 +7,7 @@
 
 #include "cuda/emulated/emulated_device.hpp"
 #include "cuda/machine/engine.hpp"
-#include "tests/support/device_batch.hpp"
+#include "tests/support/machines/device_batch.hpp"
 #if defined(STICTION_TEST_HAS_IO)
 #include "stiction/io.hpp"
 #endif

@@ -11,8 +11,8 @@
 #include "cuda/machine/engine.hpp"
 #include "cuda/native/launch_grid.hpp"
 #include "stiction/error.hpp"
-#include "tests/support/device_batch.hpp"
-#include "tests/support/every_solver.hpp"
+#include "tests/support/machines/device_batch.hpp"
+#include "tests/support/machines/every_solver.hpp"
 
 /// What launches of the engine ask for, against what GPUs have. One that asks for more fails there whatever the batch,
 /// since every class of the capacity is launched.

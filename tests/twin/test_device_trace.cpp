@@ -8,7 +8,7 @@
 #include "cuda/machine/contact_machine.hpp"
 #include "stiction/error.hpp"
 #include "stiction/trace.hpp"
-#include "tests/support/device_batch.hpp"
+#include "tests/support/machines/device_batch.hpp"
 
 /// What a device's trace holds: measured by events on its streams, and nothing of the answer's bits.
 namespace stiction::test {

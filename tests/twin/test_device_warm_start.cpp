@@ -7,7 +7,7 @@
 #include "cuda/machine/warm_start_machine.hpp"
 #include "stiction/error.hpp"
 #include "stiction/warm_start.hpp"
-#include "tests/support/warm_start_life.hpp"
+#include "tests/support/systems/warm_start_life.hpp"
 
 /// The warm-start store of a device, on the emulated device: the same guesses and records as the CPU's, to the last
 /// bit.

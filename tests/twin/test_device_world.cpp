@@ -9,7 +9,7 @@
 #include "stiction/error.hpp"
 #include "stiction/hash.hpp"
 #include "tests/support/bits.hpp"
-#include "tests/support/worlds.hpp"
+#include "tests/support/systems/worlds.hpp"
 
 /// Worlds on the emulated device. The tests see what is launched and copied in a step, in any order the device may
 /// choose, and what happens when it fails. Whole steps of all scenes: tests/determinism/test_worlds.cpp.

@@ -5,8 +5,8 @@
 
 #include "core/algorithm/driver/solver_selection.hpp"
 #include "core/job/fallback_order.hpp"
-#include "tests/support/scene_batches.hpp"
-#include "tests/support/small_systems.hpp"
+#include "tests/support/systems/scene_batches.hpp"
+#include "tests/support/systems/small_systems.hpp"
 
 /// SolverKind::automatic: a choice for each environment alone, the same on every machine, and an answer at least as
 /// good as the first solver's.

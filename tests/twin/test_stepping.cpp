@@ -3,7 +3,7 @@
 #include "scenes/rng.hpp"
 #include "stiction/error.hpp"
 #include "stiction/stepping.hpp"
-#include "tests/support/scene_batches.hpp"
+#include "tests/support/systems/scene_batches.hpp"
 
 /// One call per step, warm from the step before, with environments that start over: the same bits on every device.
 namespace stiction::test {

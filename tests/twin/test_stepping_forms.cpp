@@ -5,9 +5,9 @@
 #include "stiction/error.hpp"
 #include "stiction/stepping.hpp"
 #include "tests/support/bits.hpp"
-#include "tests/support/body_systems.hpp"
-#include "tests/support/jacobian_systems.hpp"
-#include "tests/support/roomy_jacobians.hpp"
+#include "tests/support/systems/body_systems.hpp"
+#include "tests/support/systems/jacobian_systems.hpp"
+#include "tests/support/systems/roomy_jacobians.hpp"
 
 /// Stepping in the Jacobian form and of bodies. A step is a solve from the last step's reactions, found by contact,
 /// with the same bits on every device.

@@ -1,8 +1,8 @@
 #include <unistd.h>
 
-#include "tests/support/device_batch.hpp"
-#include "tests/support/small_systems.hpp"
-#include "tests/support/twin_batches.hpp"
+#include "tests/support/machines/device_batch.hpp"
+#include "tests/support/systems/small_systems.hpp"
+#include "tests/support/systems/twin_batches.hpp"
 #include "tools/gpu_first/arrays.hpp"
 #include "tools/gpu_first/check.hpp"
 

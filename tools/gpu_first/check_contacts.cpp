@@ -3,12 +3,12 @@
 #include "bench/support/class_model.hpp"
 #include "bench/support/contact_batch.hpp"
 #include "cuda/machine/contact_machine.hpp"
-#include "tests/support/every_solver.hpp"
-#include "tests/support/jacobian_systems.hpp"
-#include "tests/support/plan_integers.hpp"
-#include "tests/support/random_structures.hpp"
-#include "tests/support/roomy_jacobians.hpp"
-#include "tests/support/twin_batches.hpp"
+#include "tests/support/machines/every_solver.hpp"
+#include "tests/support/oracles/plan_integers.hpp"
+#include "tests/support/systems/jacobian_systems.hpp"
+#include "tests/support/systems/random_structures.hpp"
+#include "tests/support/systems/roomy_jacobians.hpp"
+#include "tests/support/systems/twin_batches.hpp"
 #include "tools/gpu_first/check.hpp"
 
 /// Contact batches: the scheduler's integers, each class of sizes, every solver.

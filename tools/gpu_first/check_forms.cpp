@@ -1,7 +1,7 @@
 #include "stiction/jacobian_solver.hpp"
-#include "tests/support/derivative_cases.hpp"
-#include "tests/support/golden_bodies.hpp"
-#include "tests/support/golden_forms.hpp"
+#include "tests/support/golden/bodies.hpp"
+#include "tests/support/golden/forms.hpp"
+#include "tests/support/systems/derivative_cases.hpp"
 #include "tools/gpu_first/arrays.hpp"
 #include "tools/gpu_first/check.hpp"
 

@@ -1,4 +1,4 @@
-#include "tests/support/golden.hpp"
+#include "tests/support/golden/cases.hpp"
 #include "tools/gpu_first/check.hpp"
 
 /// The golden table, which is of no machine: what every one must answer within one numerics epoch.

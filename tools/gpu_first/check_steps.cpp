@@ -1,6 +1,6 @@
 #include "stiction/stepping.hpp"
-#include "tests/support/scene_batches.hpp"
-#include "tests/support/warm_start_life.hpp"
+#include "tests/support/systems/scene_batches.hpp"
+#include "tests/support/systems/warm_start_life.hpp"
 #include "tools/gpu_first/arrays.hpp"
 #include "tools/gpu_first/check.hpp"
 

@@ -1,7 +1,7 @@
 #include "bench/support/class_model.hpp"
 #include "bench/support/contact_batch.hpp"
 #include "core/base/extents.hpp"
-#include "tests/support/scene_batches.hpp"
+#include "tests/support/systems/scene_batches.hpp"
 #include "tools/gpu_first/check.hpp"
 #include "tools/gpu_first/recorded.hpp"
 #include "tools/gpu_first/timing.hpp"

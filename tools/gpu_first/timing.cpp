@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "tests/support/scene_batches.hpp"
+#include "tests/support/systems/scene_batches.hpp"
 
 namespace stiction::gpu_first {
 

@@ -3,7 +3,7 @@
 #include <string>
 
 #include "cuda/machine/engine.hpp"
-#include "tests/support/device_batch.hpp"
+#include "tests/support/machines/device_batch.hpp"
 #include "tools/gpu_first/report.hpp"
 
 namespace stiction::gpu_first {

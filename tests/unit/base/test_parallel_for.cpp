@@ -18,9 +18,9 @@
 #include "core/runtime/check/defects.hpp"
 #include "core/runtime/check/survey.hpp"
 #include "cpu_fallback/threads/thread_pool.hpp"
-#include "tests/support/body_systems.hpp"
-#include "tests/support/random_systems.hpp"
-#include "tests/support/small_systems.hpp"
+#include "tests/support/systems/body_systems.hpp"
+#include "tests/support/systems/random_systems.hpp"
+#include "tests/support/systems/small_systems.hpp"
 
 /// Looking at a batch and planning it in parts: the same as at once, however it is cut and whichever part comes first.
 namespace stiction::test {

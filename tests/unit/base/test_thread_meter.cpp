@@ -17,8 +17,8 @@
 #include "stiction/hash.hpp"
 #include "stiction/thread_meter.hpp"
 #include "stiction/trace.hpp"
-#include "tests/support/scene_batches.hpp"
-#include "tests/support/small_systems.hpp"
+#include "tests/support/systems/scene_batches.hpp"
+#include "tests/support/systems/small_systems.hpp"
 
 namespace stiction::test {
 namespace {

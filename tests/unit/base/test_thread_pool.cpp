@@ -15,8 +15,8 @@
 
 #include "cpu_fallback/threads/thread_pool.hpp"
 #include "stiction/error.hpp"
-#include "tests/support/scene_batches.hpp"
-#include "tests/support/small_systems.hpp"
+#include "tests/support/systems/scene_batches.hpp"
+#include "tests/support/systems/small_systems.hpp"
 
 namespace stiction::test {
 namespace {

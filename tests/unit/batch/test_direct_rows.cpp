@@ -3,8 +3,8 @@
 #include <cmath>
 #include <vector>
 
-#include "tests/support/certificate.hpp"
-#include "tests/support/small_systems.hpp"
+#include "tests/support/oracles/certificate.hpp"
+#include "tests/support/systems/small_systems.hpp"
 
 /// Matrices beyond the usual 1024 rows, where the caller asks for them.
 namespace {

@@ -6,10 +6,10 @@
 
 #include "stiction/bodies.hpp"
 #include "stiction/jacobian_solver.hpp"
-#include "tests/support/body_systems.hpp"
 #include "tests/support/error_message.hpp"
-#include "tests/support/scene_batches.hpp"
-#include "tests/support/small_systems.hpp"
+#include "tests/support/systems/body_systems.hpp"
+#include "tests/support/systems/scene_batches.hpp"
+#include "tests/support/systems/small_systems.hpp"
 
 namespace stiction::test {
 namespace {

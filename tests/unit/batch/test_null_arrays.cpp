@@ -4,9 +4,9 @@
 #include <vector>
 
 #include "stiction/stepping.hpp"
-#include "tests/support/body_systems.hpp"
 #include "tests/support/error_message.hpp"
-#include "tests/support/random_systems.hpp"
+#include "tests/support/systems/body_systems.hpp"
+#include "tests/support/systems/random_systems.hpp"
 
 // What hostile callers hand over: arrays that are not there are refused by name, whatever InvalidPolicy says of the
 // numbers in them.

@@ -6,8 +6,8 @@
 #include "stiction/padded.hpp"
 #include "stiction/residual.hpp"
 #include "tests/support/bits.hpp"
-#include "tests/support/random_systems.hpp"
-#include "tests/support/small_systems.hpp"
+#include "tests/support/systems/random_systems.hpp"
+#include "tests/support/systems/small_systems.hpp"
 
 namespace {
 

@@ -8,7 +8,7 @@
 #include "scenes/body_scenes.hpp"
 #include "stiction/residual.hpp"
 #include "tests/support/bits.hpp"
-#include "tests/support/body_systems.hpp"
+#include "tests/support/systems/body_systems.hpp"
 
 namespace stiction::test {
 

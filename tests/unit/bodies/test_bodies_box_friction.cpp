@@ -12,11 +12,11 @@
 #include "stiction/error.hpp"
 #include "stiction/residual.hpp"
 #include "stiction/world_derivative.hpp"
-#include "tests/support/body_systems.hpp"
-#include "tests/support/box_friction_oracle.hpp"
-#include "tests/support/boxed.hpp"
-#include "tests/support/small_systems.hpp"
-#include "tests/support/worlds.hpp"
+#include "tests/support/oracles/box_friction_oracle.hpp"
+#include "tests/support/systems/body_systems.hpp"
+#include "tests/support/systems/boxed.hpp"
+#include "tests/support/systems/small_systems.hpp"
+#include "tests/support/systems/worlds.hpp"
 
 namespace stiction::test {
 namespace {

@@ -9,8 +9,8 @@
 #include <string>
 
 #include "scenes/body_scenes.hpp"
-#include "tests/support/body_systems.hpp"
 #include "tests/support/error_message.hpp"
+#include "tests/support/systems/body_systems.hpp"
 
 /// Bodies at the edge of what a solve takes, and beyond it.
 namespace stiction::test {

@@ -7,9 +7,9 @@
 #include <vector>
 
 #include "core/algorithm/solver/ipm/ipm.hpp"
-#include "tests/support/oracle.hpp"
-#include "tests/support/prepared.hpp"
-#include "tests/support/random_lcp.hpp"
+#include "tests/support/oracles/oracle.hpp"
+#include "tests/support/systems/prepared.hpp"
+#include "tests/support/systems/random_lcp.hpp"
 
 // Formulas of the textbook chapter about interior points, where their printed form is wrong or says too little
 // (README.md beside this file). Here: (g) Newton's step, (l) the barrier of the second-order cone.

@@ -12,13 +12,13 @@
 #include "stiction/error.hpp"
 #include "stiction/pyramid.hpp"
 #include "stiction/residual.hpp"
-#include "tests/support/box_friction_oracle.hpp"
-#include "tests/support/boxed.hpp"
-#include "tests/support/derivative_cases.hpp"
-#include "tests/support/factor_systems.hpp"
-#include "tests/support/random_systems.hpp"
-#include "tests/support/scene_batches.hpp"
-#include "tests/support/small_systems.hpp"
+#include "tests/support/oracles/box_friction_oracle.hpp"
+#include "tests/support/systems/boxed.hpp"
+#include "tests/support/systems/derivative_cases.hpp"
+#include "tests/support/systems/factor_systems.hpp"
+#include "tests/support/systems/random_systems.hpp"
+#include "tests/support/systems/scene_batches.hpp"
+#include "tests/support/systems/small_systems.hpp"
 
 namespace {
 

@@ -11,7 +11,7 @@
 #include "core/algorithm/problem/cone_projection.hpp"
 #include "scenes/rng.hpp"
 #include "stiction/pyramid.hpp"
-#include "tests/support/small_systems.hpp"
+#include "tests/support/systems/small_systems.hpp"
 
 // Formulas of the textbook chapter about friction cones, where their printed form is wrong
 // (README.md beside this file). Here: (e) the projection, (f) the pyramid, (h) the pairing of cones, (m) the scaled

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "stiction/analysis.hpp"
-#include "tests/support/random_lcp.hpp"
+#include "tests/support/systems/random_lcp.hpp"
 
 // Formulas of the textbook chapter about speed, where their printed form is wrong (README.md beside this file).
 // Here: (c) and (d) rates, (i) the chain of 100 bodies, (n) the step of a block. Numbers of (c), (d) and (i) that are

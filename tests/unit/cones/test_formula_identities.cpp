@@ -8,7 +8,7 @@
 
 #include "stiction/analysis.hpp"
 #include "stiction/residual.hpp"
-#include "tests/support/random_lcp.hpp"
+#include "tests/support/systems/random_lcp.hpp"
 
 // Formulas of the textbook chapter the project grew from, where their printed form is wrong. What the library does
 // agrees with the corrected form and disagrees with the printed one. Letters are those of

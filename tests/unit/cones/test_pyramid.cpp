@@ -8,10 +8,10 @@
 #include <vector>
 
 #include "stiction/error.hpp"
-#include "tests/support/oracle.hpp"
-#include "tests/support/random_systems.hpp"
-#include "tests/support/small_systems.hpp"
-#include "tests/support/solve_alone.hpp"
+#include "tests/support/machines/solve_alone.hpp"
+#include "tests/support/oracles/oracle.hpp"
+#include "tests/support/systems/random_systems.hpp"
+#include "tests/support/systems/small_systems.hpp"
 
 namespace stiction::test {
 namespace {

@@ -14,12 +14,12 @@
 #include "stiction/error.hpp"
 #include "stiction/pyramid.hpp"
 #include "stiction/residual.hpp"
-#include "tests/support/boxed.hpp"
-#include "tests/support/derivative_cases.hpp"
-#include "tests/support/factor_systems.hpp"
-#include "tests/support/scene_batches.hpp"
-#include "tests/support/semidefinite_systems.hpp"
-#include "tests/support/small_systems.hpp"
+#include "tests/support/systems/boxed.hpp"
+#include "tests/support/systems/derivative_cases.hpp"
+#include "tests/support/systems/factor_systems.hpp"
+#include "tests/support/systems/scene_batches.hpp"
+#include "tests/support/systems/semidefinite_systems.hpp"
+#include "tests/support/systems/small_systems.hpp"
 
 namespace {
 

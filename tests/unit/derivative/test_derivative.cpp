@@ -8,8 +8,8 @@
 #include <string>
 
 #include "stiction/residual.hpp"
-#include "tests/support/derivative_cases.hpp"
-#include "tests/support/natural_map_derivative.hpp"
+#include "tests/support/oracles/natural_map_derivative.hpp"
+#include "tests/support/systems/derivative_cases.hpp"
 
 namespace {
 

@@ -9,9 +9,9 @@
 #include "stiction/error.hpp"
 #include "stiction/jacobian.hpp"
 #include "tests/support/bits.hpp"
-#include "tests/support/derivative_cases.hpp"
 #include "tests/support/error_message.hpp"
-#include "tests/support/jacobian_systems.hpp"
+#include "tests/support/systems/derivative_cases.hpp"
+#include "tests/support/systems/jacobian_systems.hpp"
 
 namespace {
 

@@ -6,7 +6,7 @@
 #include <limits>
 
 #include "tests/support/bits.hpp"
-#include "tests/support/jacobian_derivatives.hpp"
+#include "tests/support/oracles/jacobian_derivatives.hpp"
 
 namespace {
 

@@ -11,8 +11,8 @@
 #include "cpu_fallback/machine/jacobian_vjp_parts.hpp"
 #include "cpu_fallback/tables/isa.hpp"
 #include "tests/support/bits.hpp"
-#include "tests/support/jacobian_derivatives.hpp"
-#include "tests/support/scoped_isa.hpp"
+#include "tests/support/machines/scoped_isa.hpp"
+#include "tests/support/oracles/jacobian_derivatives.hpp"
 
 namespace {
 

@@ -8,7 +8,7 @@
 #include "core/algorithm/derivative/vjp_slots.hpp"
 #include "core/algorithm/linear/dense/dense_lu.hpp"
 #include "core/algorithm/linear/dense/lane_lu.hpp"
-#include "tests/support/derivative_cases.hpp"
+#include "tests/support/systems/derivative_cases.hpp"
 
 namespace {
 

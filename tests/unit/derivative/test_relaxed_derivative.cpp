@@ -9,8 +9,8 @@
 #include <string>
 
 #include "stiction/error.hpp"
-#include "tests/support/jacobian_derivatives.hpp"
-#include "tests/support/relaxed_oracle.hpp"
+#include "tests/support/oracles/jacobian_derivatives.hpp"
+#include "tests/support/oracles/relaxed_oracle.hpp"
 
 namespace {
 

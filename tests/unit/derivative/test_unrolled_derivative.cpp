@@ -9,7 +9,7 @@
 #include <string>
 
 #include "stiction/error.hpp"
-#include "tests/support/jacobian_derivatives.hpp"
+#include "tests/support/oracles/jacobian_derivatives.hpp"
 
 namespace {
 

@@ -6,9 +6,9 @@
 
 #include "core/runtime/world/spin_change.hpp"
 #include "stiction/world_derivative.hpp"
-#include "tests/support/derivative_cases.hpp"
 #include "tests/support/error_message.hpp"
-#include "tests/support/worlds.hpp"
+#include "tests/support/systems/derivative_cases.hpp"
+#include "tests/support/systems/worlds.hpp"
 
 namespace {
 

@@ -9,9 +9,9 @@
 
 #include "stiction/error.hpp"
 #include "stiction/padded.hpp"
-#include "tests/support/jacobian_systems.hpp"
-#include "tests/support/scene_batches.hpp"
-#include "tests/support/small_systems.hpp"
+#include "tests/support/systems/jacobian_systems.hpp"
+#include "tests/support/systems/scene_batches.hpp"
+#include "tests/support/systems/small_systems.hpp"
 
 namespace {
 

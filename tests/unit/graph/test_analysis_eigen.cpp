@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "tests/support/dense_operator.hpp"
-#include "tests/support/random_systems.hpp"
-#include "tests/support/small_systems.hpp"
+#include "tests/support/oracles/dense_operator.hpp"
+#include "tests/support/systems/random_systems.hpp"
+#include "tests/support/systems/small_systems.hpp"
 
 namespace {
 

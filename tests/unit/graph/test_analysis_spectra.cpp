@@ -7,7 +7,7 @@
 #include <cmath>
 #include <string>
 
-#include "tests/support/dense_operator.hpp"
+#include "tests/support/oracles/dense_operator.hpp"
 
 namespace {
 

@@ -10,7 +10,7 @@
 
 #include "stiction/contact_graph.hpp"
 #include "stiction/error.hpp"
-#include "tests/support/graph_oracle.hpp"
+#include "tests/support/oracles/graph_oracle.hpp"
 
 namespace {
 

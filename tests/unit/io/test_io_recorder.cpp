@@ -7,8 +7,8 @@
 #include "scenes/merge.hpp"
 #include "stiction/hash.hpp"
 #include "stiction/padded.hpp"
-#include "tests/support/scene_batches.hpp"
-#include "tests/support/small_systems.hpp"
+#include "tests/support/systems/scene_batches.hpp"
+#include "tests/support/systems/small_systems.hpp"
 #include "tests/unit/io/test_io_support.hpp"
 
 namespace stiction::io::test {

@@ -6,7 +6,7 @@
 #include "stiction/error.hpp"
 #include "stiction/residual.hpp"
 #include "tests/support/bits.hpp"
-#include "tests/support/jacobian_systems.hpp"
+#include "tests/support/systems/jacobian_systems.hpp"
 
 namespace {
 

@@ -6,10 +6,10 @@
 
 #include "stiction/jacobian_bodies.hpp"
 #include "stiction/residual.hpp"
-#include "tests/support/box_jacobians.hpp"
 #include "tests/support/error_message.hpp"
-#include "tests/support/roomy_jacobians.hpp"
-#include "tests/support/velocity_cases.hpp"
+#include "tests/support/systems/box_jacobians.hpp"
+#include "tests/support/systems/roomy_jacobians.hpp"
+#include "tests/support/systems/velocity_cases.hpp"
 
 /// Rigid bodies found in J and M, solved by the solvers of bodies and judged by A.
 namespace {

@@ -2,7 +2,7 @@
 
 #include "stiction/error.hpp"
 #include "stiction/preset.hpp"
-#include "tests/support/scene_batches.hpp"
+#include "tests/support/systems/scene_batches.hpp"
 
 namespace stiction::test {
 namespace {

@@ -6,7 +6,7 @@
 
 #include "core/plan/aggregates.hpp"
 #include "core/plan/multigrid_plan.hpp"
-#include "tests/support/stacked_boxes.hpp"
+#include "tests/support/systems/stacked_boxes.hpp"
 
 namespace stiction::test {
 namespace {

@@ -7,7 +7,7 @@
 
 #include "core/plan/body_plan.hpp"
 #include "scenes/body_scenes.hpp"
-#include "tests/support/body_systems.hpp"
+#include "tests/support/systems/body_systems.hpp"
 
 namespace stiction::test {
 

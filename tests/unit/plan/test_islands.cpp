@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "core/algorithm/plan/islands.hpp"
-#include "tests/support/random_structures.hpp"
-#include "tests/support/stress_team.hpp"
+#include "tests/support/machines/stress_team.hpp"
+#include "tests/support/systems/random_structures.hpp"
 
 /// Islands found by the host and by bodies on blocks of several widths, against answers by hand and by brute force.
 namespace {

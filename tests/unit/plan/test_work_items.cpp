@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <set>
 
-#include "tests/support/scene_batches.hpp"
+#include "tests/support/systems/scene_batches.hpp"
 
 namespace {
 

@@ -6,7 +6,7 @@
 #include <string>
 
 #include "stiction/error.hpp"
-#include "tests/support/small_systems.hpp"
+#include "tests/support/systems/small_systems.hpp"
 
 namespace {
 

@@ -11,8 +11,8 @@
 #include "stiction/error.hpp"
 #include "stiction/padded.hpp"
 #include "stiction/warm_start.hpp"
-#include "tests/support/scene_batches.hpp"
-#include "tests/support/warm_start_life.hpp"
+#include "tests/support/systems/scene_batches.hpp"
+#include "tests/support/systems/warm_start_life.hpp"
 
 namespace stiction::test {
 namespace {

@@ -7,8 +7,8 @@
 #include "stiction/jacobian_solver.hpp"
 #include "stiction/residual.hpp"
 #include "tests/support/bits.hpp"
-#include "tests/support/box_jacobians.hpp"
-#include "tests/support/roomy_jacobians.hpp"
+#include "tests/support/systems/box_jacobians.hpp"
+#include "tests/support/systems/roomy_jacobians.hpp"
 
 /// What environments in blocks may meet: no friction, heavy beside light, redundant rows, rows without effect, numbers
 /// that are none.

@@ -7,9 +7,9 @@
 #include "stiction/jacobian_solver.hpp"
 #include "stiction/residual.hpp"
 #include "tests/support/bits.hpp"
-#include "tests/support/box_jacobians.hpp"
-#include "tests/support/roomy_jacobians.hpp"
-#include "tests/support/velocity_cases.hpp"
+#include "tests/support/systems/box_jacobians.hpp"
+#include "tests/support/systems/roomy_jacobians.hpp"
+#include "tests/support/systems/velocity_cases.hpp"
 
 /// Newton's method in velocities on environments in blocks: many degrees of freedom, or coupled ones whose factor does
 /// not pay.

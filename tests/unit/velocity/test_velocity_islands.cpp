@@ -6,8 +6,8 @@
 #include "stiction/jacobian_solver.hpp"
 #include "stiction/residual.hpp"
 #include "tests/support/bits.hpp"
-#include "tests/support/roomy_jacobians.hpp"
-#include "tests/support/velocity_cases.hpp"
+#include "tests/support/systems/roomy_jacobians.hpp"
+#include "tests/support/systems/velocity_cases.hpp"
 
 /// Environments of more degrees of freedom than a lane of Newton's method in velocities takes, whose parts nothing
 /// couples: robots beside one another.

@@ -6,8 +6,8 @@
 #include "stiction/jacobian_solver.hpp"
 #include "stiction/residual.hpp"
 #include "tests/support/bits.hpp"
-#include "tests/support/roomy_jacobians.hpp"
-#include "tests/support/velocity_cases.hpp"
+#include "tests/support/systems/roomy_jacobians.hpp"
+#include "tests/support/systems/velocity_cases.hpp"
 
 /// Newton's method in velocities where more than 64 degrees of freedom are coupled: bodies that touch one another.
 namespace {

@@ -8,8 +8,8 @@
 #include "stiction/residual.hpp"
 #include "stiction/trace.hpp"
 #include "tests/support/bits.hpp"
-#include "tests/support/roomy_jacobians.hpp"
-#include "tests/support/velocity_cases.hpp"
+#include "tests/support/systems/roomy_jacobians.hpp"
+#include "tests/support/systems/velocity_cases.hpp"
 
 /// Newton's method in velocities as callers meet it: solver auto, where J and M are given.
 namespace {

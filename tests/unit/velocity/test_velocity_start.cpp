@@ -8,8 +8,8 @@
 #include "stiction/jacobian_solver.hpp"
 #include "stiction/residual.hpp"
 #include "tests/support/bits.hpp"
-#include "tests/support/roomy_jacobians.hpp"
-#include "tests/support/velocity_cases.hpp"
+#include "tests/support/systems/roomy_jacobians.hpp"
+#include "tests/support/systems/velocity_cases.hpp"
 
 /// Velocities as the place that Newton's method in velocities starts from.
 namespace {

@@ -7,7 +7,7 @@
 #include "scenes/geometry.hpp"
 #include "scenes/multibody.hpp"
 #include "scenes/scenes.hpp"
-#include "tests/support/scene_algebra.hpp"
+#include "tests/support/systems/scene_algebra.hpp"
 
 // The mechanics of the scenes against what one knows without them: weights, textbook matrices, rates of theory.
 

@@ -10,7 +10,7 @@
 #include "stiction/batch.hpp"
 #include "stiction/error.hpp"
 #include "stiction/hash.hpp"
-#include "tests/support/scene_algebra.hpp"
+#include "tests/support/systems/scene_algebra.hpp"
 
 namespace stiction::scenes {
 namespace {

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <random>
 
-#include "tests/support/worlds.hpp"
+#include "tests/support/systems/worlds.hpp"
 
 namespace stiction::test {
 

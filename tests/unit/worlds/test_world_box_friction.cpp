@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "tests/support/worlds.hpp"
+#include "tests/support/systems/worlds.hpp"
 
 namespace stiction::test {
 namespace {

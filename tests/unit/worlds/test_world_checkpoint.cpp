@@ -7,7 +7,7 @@
 
 #include "tests/support/bits.hpp"
 #include "tests/support/error_message.hpp"
-#include "tests/support/worlds.hpp"
+#include "tests/support/systems/worlds.hpp"
 
 namespace stiction::test {
 

@@ -8,7 +8,7 @@
 #include <limits>
 
 #include "tests/support/error_message.hpp"
-#include "tests/support/worlds.hpp"
+#include "tests/support/systems/worlds.hpp"
 
 namespace stiction::test {
 
