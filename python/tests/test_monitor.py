@@ -48,6 +48,14 @@ def test_flags_are_counted_by_name(padded):
     assert solver.stats()["codes"]["invalid_input"] == 3
 
 
+def test_dropped_contacts_are_counted(padded):
+    """Four contacts are asked for where there is room for three."""
+    solver = Solver()
+    padded.A[0], padded.b[0] = padded.A[2], padded.b[2]
+    solver.solve(Batch.from_delassus(padded.A, padded.b, cone_counts=np.array([4, 1, 3, 0], np.int32), mu=0.7))
+    assert solver.stats()["flags"] == {"contacts_dropped": 1}
+
+
 def test_loggers_write_a_line_for_every_solve(padded, tmp_path):
     batch = Batch.from_delassus(padded.A, padded.b, counts=padded.counts, mu=0.7)
     seen = []

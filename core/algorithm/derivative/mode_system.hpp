@@ -145,7 +145,7 @@ STICTION_HD void solve_system(TeamT& team, const Matrix& K, const Scratch& s) {
   for_each(team, K.n, [&](Index k) { s.unknown[k] = s.unknown[k] * s.column_scale[k]; });
 }
 
-/// Returns `mine` of every lane of a team at once; in lanes of a pack, which one thread has, that of each.
+/// Returns true if `mine` is on all lanes of a team; in lanes of a pack, which one thread has, `mine` of each lane.
 template <Team TeamT, class Truth>
 STICTION_HD Truth true_on_all(TeamT& team, Truth mine) {
   if constexpr (std::is_same_v<Truth, bool>) {

@@ -1,7 +1,7 @@
 #pragma once
 
 /// \file
-/// Integers of a batch: environments, cones, and where the entries of A are (docs/reference/data_layout.md).
+/// Structure of a batch: environments, cones, and where the entries of A are (docs/reference/data_layout.md).
 
 #include <cstdint>
 
@@ -77,7 +77,8 @@ struct MatrixPattern {
   }
 };
 
-/// Integers of a ContactBatchView: a plan is made from these, so it cannot depend on a value or a precision.
+/// A ContactBatchView without the numbers of rows and entries: a plan made from it depends on no value of these and on
+/// no precision.
 struct BatchStructure : BatchLayout, MatrixPattern {
   const Offset* mu_offsets = nullptr;  ///< where in mu the friction of each row is, where rows share it; null: at the
                                        ///< row                                       (row_count)
