@@ -5,6 +5,7 @@
 #include "c_api/handles.hpp"
 #include "c_api/structs.hpp"
 #include "c_api/views.hpp"
+#include "stiction/batch_arrays.hpp"
 
 namespace stiction::c {
 
@@ -59,17 +60,24 @@ Real* room(void* array) {
   return static_cast<Real*>(array);
 }
 
-/// Where cotangents of a contact batch go.
-template <class Real>
-BatchCotangentView<Real> cotangents_to(const stiction_batch_numbers& to) {
-  return {room<Real>(to.A),  room<Real>(to.factor), room<Real>(to.b), room<Real>(to.R),
-          room<Real>(to.mu), room<Real>(to.lo),     room<Real>(to.hi)};
+/// Cotangents or tangents of a batch's numbers, whose arrays have no type in C.
+template <class Numbers, class Batch, class C>
+Numbers numbers_of(const Batch& batch, const C& from) {
+  Numbers numbers;
+  for_each_change_array(
+      batch, []<class Number>(const BatchArray&, Number*& to, void* array) { to = static_cast<Number*>(array); },
+      numbers, from);
+  return numbers;
 }
 
-/// Cotangents of what was solved for, of a batch without velocities.
-template <class Real>
-SolutionCotangentView<Real> cotangents_from(const stiction_solution_numbers& from) {
-  return {numbers<Real>(from.lambda), numbers<Real>(from.w)};
+/// Cotangents or tangents of what was solved for, of a batch without velocities.
+template <class Number>
+SolutionNumbers<Number> solution_numbers(const stiction_solution_numbers& from) {
+  return {static_cast<Number*>(from.lambda), static_cast<Number*>(from.w)};
+}
+template <class Number>
+JacobianSolutionNumbers<Number> jacobian_solution_numbers(const stiction_solution_numbers& from) {
+  return {static_cast<Number*>(from.lambda), static_cast<Number*>(from.w), static_cast<Number*>(from.velocity)};
 }
 void need_no_velocity(const stiction_solution_numbers& from) {
   if (from.velocity != nullptr) refuse("cotangents.velocity is not null: a contact batch has no velocities");
@@ -167,8 +175,10 @@ stiction_code stiction_derivative_vjp(stiction_derivative* derivative, const sti
     c::need_no_velocity(from);
     c::with_numbers(given, [&](auto zero) {
       using Real = decltype(zero);
-      object->vjp(c::to_cpp<Real>(given), c::reactions<Real>(lambda, status), c::cotangents_from<Real>(from),
-                  c::cotangents_to<Real>(to), c::records(gradient_status), count, stiction::StreamRef(stream));
+      const auto view = c::to_cpp<Real>(given);
+      object->vjp(view, c::reactions<Real>(lambda, status), c::solution_numbers<const Real>(from),
+                  c::numbers_of<stiction::BatchCotangentView<Real>>(view, to), c::records(gradient_status), count,
+                  stiction::StreamRef(stream));
     });
   });
 }
@@ -188,10 +198,12 @@ stiction_code stiction_derivative_unrolled_vjp(stiction_derivative* derivative, 
     c::need_no_velocity(from);
     c::with_numbers(given, [&](auto zero) {
       using Real = decltype(zero);
-      object->unrolled_vjp(c::to_cpp<Real>(given),
+      const auto view = c::to_cpp<Real>(given);
+      object->unrolled_vjp(view,
                            stiction::SweepsView<Real>{c::numbers<Real>(of.warm_start), of.count, of.omega,
                                                       c::room<Real>(of.lambda), c::room<Real>(of.by_warm_start)},
-                           c::cotangents_from<Real>(from), c::cotangents_to<Real>(to), c::records(gradient_status),
+                           c::solution_numbers<const Real>(from),
+                           c::numbers_of<stiction::BatchCotangentView<Real>>(view, to), c::records(gradient_status),
                            count, stiction::StreamRef(stream));
     });
   });
@@ -209,13 +221,9 @@ stiction_code stiction_derivative_jvp(stiction_derivative* derivative, const sti
     if (to.velocity != nullptr) c::refuse("changes.velocity is not null: a contact batch has no velocities");
     c::with_numbers(given, [&](auto zero) {
       using Real = decltype(zero);
-      object->jvp(c::to_cpp<Real>(given), c::reactions<Real>(lambda, status),
-                  stiction::BatchTangentView<Real>{c::numbers<Real>(from.A), c::numbers<Real>(from.factor),
-                                                   c::numbers<Real>(from.b), c::numbers<Real>(from.R),
-                                                   c::numbers<Real>(from.mu), c::numbers<Real>(from.lo),
-                                                   c::numbers<Real>(from.hi)},
-                  stiction::SolutionTangentView<Real>{c::room<Real>(to.lambda), c::room<Real>(to.w)},
-                  c::records(gradient_status), count, stiction::StreamRef(stream));
+      const auto view = c::to_cpp<Real>(given);
+      object->jvp(view, c::reactions<Real>(lambda, status), c::numbers_of<stiction::BatchTangentView<Real>>(view, from),
+                  c::solution_numbers<Real>(to), c::records(gradient_status), count, stiction::StreamRef(stream));
     });
   });
 }
@@ -232,13 +240,10 @@ stiction_code stiction_derivative_vjp_jacobian(stiction_derivative* derivative, 
     const auto to = c::read_struct(gradients, "gradients");
     c::with_numbers(given, [&](auto zero) {
       using Real = decltype(zero);
-      object->vjp(c::to_cpp<Real>(given), c::reactions<Real>(lambda, status),
-                  stiction::JacobianSolutionCotangentView<Real>{c::numbers<Real>(from.lambda), c::numbers<Real>(from.w),
-                                                                c::numbers<Real>(from.velocity)},
-                  stiction::JacobianBatchCotangentView<Real>{
-                      c::room<Real>(to.J), c::room<Real>(to.M), c::room<Real>(to.v_free), c::room<Real>(to.target),
-                      c::room<Real>(to.R), c::room<Real>(to.mu), c::room<Real>(to.lo), c::room<Real>(to.hi)},
-                  c::records(gradient_status), count, stiction::StreamRef(stream));
+      const auto view = c::to_cpp<Real>(given);
+      object->vjp(view, c::reactions<Real>(lambda, status), c::jacobian_solution_numbers<const Real>(from),
+                  c::numbers_of<stiction::JacobianBatchCotangentView<Real>>(view, to), c::records(gradient_status),
+                  count, stiction::StreamRef(stream));
     });
   });
 }
@@ -255,14 +260,10 @@ stiction_code stiction_derivative_jvp_jacobian(stiction_derivative* derivative, 
     const auto to = c::read_struct(changes, "changes");
     c::with_numbers(given, [&](auto zero) {
       using Real = decltype(zero);
-      object->jvp(c::to_cpp<Real>(given), c::reactions<Real>(lambda, status),
-                  stiction::JacobianBatchTangentView<Real>{c::numbers<Real>(from.J), c::numbers<Real>(from.M),
-                                                           c::numbers<Real>(from.v_free), c::numbers<Real>(from.target),
-                                                           c::numbers<Real>(from.R), c::numbers<Real>(from.mu),
-                                                           c::numbers<Real>(from.lo), c::numbers<Real>(from.hi)},
-                  stiction::JacobianSolutionTangentView<Real>{c::room<Real>(to.lambda), c::room<Real>(to.w),
-                                                              c::room<Real>(to.velocity)},
-                  c::records(gradient_status), count, stiction::StreamRef(stream));
+      const auto view = c::to_cpp<Real>(given);
+      object->jvp(
+          view, c::reactions<Real>(lambda, status), c::numbers_of<stiction::JacobianBatchTangentView<Real>>(view, from),
+          c::jacobian_solution_numbers<Real>(to), c::records(gradient_status), count, stiction::StreamRef(stream));
     });
   });
 }

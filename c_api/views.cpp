@@ -1,8 +1,10 @@
 #include "c_api/views.hpp"
 
+#include <concepts>
 #include <cstddef>
 
 #include "c_api/defaults.hpp"
+#include "stiction/batch_arrays.hpp"
 
 namespace stiction::c {
 
@@ -20,36 +22,49 @@ EnvStatus* records(stiction_status* status) {
   return reinterpret_cast<EnvStatus*>(status);
 }
 
-const ConeKind* kinds(const std::uint8_t* cone_kind) {
-  return reinterpret_cast<const ConeKind*>(cone_kind);
-}
+/// An array of a struct of C as one of C++: numbers and kinds of cones have no type of their own there.
+struct FromC {
+  template <class T>
+  void operator()(const BatchArray&, const T*& cpp, const T* c) const {
+    cpp = c;
+  }
+  template <std::floating_point Real>
+  void operator()(const BatchArray&, const Real*& cpp, const void* c) const {
+    cpp = static_cast<const Real*>(c);
+  }
+  void operator()(const BatchArray&, const ConeKind*& cpp, const std::uint8_t* c) const {
+    cpp = reinterpret_cast<const ConeKind*>(c);
+  }
+};
+/// The way back.
+struct ToC {
+  template <class T>
+  void operator()(const BatchArray&, const T* cpp, const T*& c) const {
+    c = cpp;
+  }
+  template <std::floating_point Real>
+  void operator()(const BatchArray&, const Real* cpp, const void*& c) const {
+    c = cpp;
+  }
+  void operator()(const BatchArray&, const ConeKind* cpp, const std::uint8_t*& c) const {
+    c = reinterpret_cast<const std::uint8_t*>(cpp);
+  }
+};
 
-/// What contact and Jacobian batches have in common.
-template <class Cpp, class C>
-void copy_common(Cpp& cpp, const C& c) {
-  cpp.env_count = c.env_count;
-  cpp.cone_count = c.cone_count;
-  cpp.row_count = c.row_count;
-  cpp.env_row_offsets = c.env_row_offsets;
-  cpp.env_cone_offsets = c.env_cone_offsets;
-  cpp.env_row_counts = c.env_row_counts;
-  cpp.env_cone_counts = c.env_cone_counts;
-  cpp.env_flags = c.env_flags;
-  cpp.env_tolerance = c.env_tolerance;
-  cpp.env_max_iterations = c.env_max_iterations;
-  cpp.cone_row_offsets = c.cone_row_offsets;
-  cpp.cone_group = c.cone_group;
-  cpp.row_offsets = c.row_offsets;
-  cpp.column = c.column;
+/// How many there are of what: the same in C and C++, both ways.
+template <class To, class From>
+void copy_counts(To& to, const From& from) {
+  to.env_count = from.env_count;
+  to.cone_count = from.cone_count;
+  to.row_count = from.row_count;
 }
-
-/// Their numbers, which are Real in C++ and void in C.
-template <class Real, class C>
-void copy_numbers(auto& cpp, const C& c) {
-  cpp.R = numbers<Real>(c.R);
-  cpp.mu = numbers<Real>(c.mu);
-  cpp.lo = numbers<Real>(c.lo);
-  cpp.hi = numbers<Real>(c.hi);
+template <class To, class From>
+void copy_matrix_counts(To& to, const From& from) {
+  copy_counts(to, from);
+  to.nonzero_count = from.nonzero_count;
+  to.column_count = from.column_count;
+  to.factor_count = from.factor_count;
+  to.mu_count = from.mu_count;
 }
 
 }  // namespace
@@ -139,20 +154,8 @@ BodySolverOptions to_cpp(const stiction_body_options& options) {
 template <class Real>
 ContactBatchView<Real> to_cpp(const stiction_batch_view& batch) {
   ContactBatchView<Real> cpp;
-  copy_common(cpp, batch);
-  copy_numbers<Real>(cpp, batch);
-  cpp.cone_kind = kinds(batch.cone_kind);
-  cpp.nonzero_count = batch.nonzero_count;
-  cpp.row_counts = batch.row_counts;
-  cpp.column_offsets = batch.column_offsets;
-  cpp.column_count = batch.column_count;
-  cpp.A = numbers<Real>(batch.A);
-  cpp.factor_offsets = batch.factor_offsets;
-  cpp.factor = numbers<Real>(batch.factor);
-  cpp.factor_count = batch.factor_count;
-  cpp.b = numbers<Real>(batch.b);
-  cpp.mu_offsets = batch.mu_offsets;
-  cpp.mu_count = batch.mu_count;
+  copy_matrix_counts(cpp, batch);
+  for_each_array(cpp, FromC{}, cpp, batch);
   cpp.normal_last = batch.normal_last != 0;
   cpp.law = law_of("batch.law", batch.law);
   cpp.space = space_of("batch.space", batch.space);
@@ -163,24 +166,9 @@ template <class Real>
 stiction_batch_view to_c(const ContactBatchView<Real>& batch) {
   stiction_batch_view c;
   set_defaults(c);
-  copy_common(c, batch);
+  copy_matrix_counts(c, batch);
+  for_each_array(batch, ToC{}, batch, c);
   c.precision = sizeof(Real) == sizeof(double) ? STICTION_F64 : STICTION_F32;
-  c.R = batch.R;
-  c.mu = batch.mu;
-  c.lo = batch.lo;
-  c.hi = batch.hi;
-  c.cone_kind = reinterpret_cast<const std::uint8_t*>(batch.cone_kind);
-  c.nonzero_count = batch.nonzero_count;
-  c.row_counts = batch.row_counts;
-  c.column_offsets = batch.column_offsets;
-  c.column_count = batch.column_count;
-  c.A = batch.A;
-  c.factor_offsets = batch.factor_offsets;
-  c.factor = batch.factor;
-  c.factor_count = batch.factor_count;
-  c.b = batch.b;
-  c.mu_offsets = batch.mu_offsets;
-  c.mu_count = batch.mu_count;
   c.normal_last = batch.normal_last ? 1 : 0;
   c.law = static_cast<std::int32_t>(batch.law);
   c.space = static_cast<std::int32_t>(batch.space);
@@ -196,18 +184,11 @@ template <class Real>
 JacobianBatchView<Real> to_cpp(const stiction_jacobian_view& batch) {
   need_zero("batch.reserved", batch.reserved);
   JacobianBatchView<Real> cpp;
-  copy_common(cpp, batch);
-  copy_numbers<Real>(cpp, batch);
-  cpp.cone_kind = kinds(batch.cone_kind);
+  copy_counts(cpp, batch);
   cpp.dof_count = batch.dof_count;
   cpp.entry_count = batch.entry_count;
   cpp.mass_count = batch.mass_count;
-  cpp.env_dof_offsets = batch.env_dof_offsets;
-  cpp.env_mass_offsets = batch.env_mass_offsets;
-  cpp.J = numbers<Real>(batch.J);
-  cpp.M = numbers<Real>(batch.M);
-  cpp.v_free = numbers<Real>(batch.v_free);
-  cpp.target = numbers<Real>(batch.target);
+  for_each_array(cpp, FromC{}, cpp, batch);
   cpp.mass_form = mass_form_of("batch.mass_form", batch.mass_form);
   cpp.mass_block = batch.mass_block;
   cpp.law = law_of("batch.law", batch.law);
@@ -227,21 +208,7 @@ BodyBatchView<Real> to_cpp(const stiction_body_view& batch) {
   cpp.env_count = batch.env_count;
   cpp.body_count = batch.body_count;
   cpp.contact_count = batch.contact_count;
-  cpp.env_body_offsets = batch.env_body_offsets;
-  cpp.env_contact_offsets = batch.env_contact_offsets;
-  cpp.inv_mass = numbers<Real>(batch.inv_mass);
-  cpp.inv_inertia = numbers<Real>(batch.inv_inertia);
-  cpp.twist = numbers<Real>(batch.twist);
-  cpp.twist_change = numbers<Real>(batch.twist_change);
-  cpp.kinematic = batch.kinematic;
-  cpp.body_a = batch.body_a;
-  cpp.body_b = batch.body_b;
-  cpp.arm_a = numbers<Real>(batch.arm_a);
-  cpp.arm_b = numbers<Real>(batch.arm_b);
-  cpp.normal = numbers<Real>(batch.normal);
-  cpp.mu = numbers<Real>(batch.mu);
-  cpp.depth = numbers<Real>(batch.depth);
-  cpp.restitution = numbers<Real>(batch.restitution);
+  for_each_array(cpp, FromC{}, cpp, batch);
   cpp.space = space_of("batch.space", batch.space);
   return cpp;
 }

@@ -6,7 +6,6 @@
 #include "core/facade/overlap.hpp"
 #include "core/machine/body_machine.hpp"
 #include "core/plan/newton_plan.hpp"
-#include "core/runtime/batch/body_arrays.hpp"
 #include "core/runtime/check/check_options.hpp"
 #include "core/runtime/check/defects.hpp"
 #include "core/runtime/check/expect.hpp"
@@ -111,7 +110,7 @@ void check_solution(const BodyBatchView<Real>& batch, const BodySolutionView<Rea
 
 template <class Real>
 void check_arrays(const BodyBatchView<Real>& batch) {
-  if (const char* name = missing_array(batch, true); name != nullptr)
+  if (const char* name = missing_array(batch); name != nullptr)
     refuse(std::string(name) + " is null; point it to the batch's array");
 }
 

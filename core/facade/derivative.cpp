@@ -43,13 +43,12 @@ template <class Real>
 void check_batch(const ContactBatchView<Real>& batch, const ReactionView<Real>& at, const GradientStatus* status,
                  Offset count, Device device) {
   check_contacts(batch, status, count, device);
-  need_array("at.lambda", at.lambda, batch.row_count > 0);
+  if (batch.row_count > 0 && at.lambda == nullptr) refuse("at.lambda is null; point it to the array");
 }
 
 template <class Real>
 std::vector<NamedArray> inputs_of(const ContactBatchView<Real>& batch, const ReactionView<Real>& at) {
-  const auto arrays = arrays_of(batch);
-  std::vector<NamedArray> inputs(arrays.begin(), arrays.end());
+  std::vector<NamedArray> inputs = arrays_of(batch);
   inputs.push_back(NamedArray::of("at.lambda", at.lambda, batch.row_count));
   inputs.push_back(NamedArray::of("at.status", at.status, batch.env_count));
   return inputs;
@@ -80,7 +79,7 @@ void Derivative::vjp(const ContactBatchView<Real>& batch, const ReactionView<Rea
   std::vector<NamedArray> inputs = inputs_of(batch, at);
   inputs.push_back(NamedArray::of("cotangents.lambda", cotangents.lambda, count * batch.row_count));
   inputs.push_back(NamedArray::of("cotangents.w", cotangents.w, count * batch.row_count));
-  auto outputs = gradient_arrays(gradients, batch, count);
+  auto outputs = arrays_of("gradients.", gradients, batch, count);
   outputs.push_back(NamedArray::of("status", status, batch.env_count));
   refuse_overlaps(outputs, inputs);
   VjpJob<Real> job;
@@ -98,9 +97,7 @@ void Derivative::jvp(const ContactBatchView<Real>& batch, const ReactionView<Rea
   const ScopedFpEnv fp_env;
   check_batch(batch, at, status, count, device_);
   std::vector<NamedArray> inputs = inputs_of(batch, at);
-  const auto given = arrays_by_number(
-      {"tangents.A", "tangents.factor", "tangents.b", "tangents.R", "tangents.mu", "tangents.lo", "tangents.hi"},
-      tangents, batch.nonzero_count, batch.factor_count, batch.row_count, count);
+  const auto given = arrays_of("tangents.", tangents, batch, count);
   inputs.insert(inputs.end(), given.begin(), given.end());
   const std::vector outputs{NamedArray::of("changes.lambda", changes.lambda, count * batch.row_count),
                             NamedArray::of("changes.w", changes.w, count * batch.row_count),

@@ -23,36 +23,20 @@ void check_batch(const JacobianBatchView<Real>& batch, const ReactionView<Real>&
   if (batch.row_count > 0 && at.lambda == nullptr) refuse("at.lambda is null; point it to the array");
 }
 
-/// The arrays of a view of cotangents or changes of a batch of J and M.
-template <class View, class Real>
-auto arrays_by_number(const char* const (&names)[8], const View& view, const JacobianBatchView<Real>& batch,
-                      Offset count) {
-  const Offset rows = count * batch.row_count;
-  return std::vector{NamedArray::of(names[0], view.J, count * batch.entry_count),
-                     NamedArray::of(names[1], view.M, count * batch.mass_count),
-                     NamedArray::of(names[2], view.v_free, count * batch.dof_count),
-                     NamedArray::of(names[3], view.target, rows),
-                     NamedArray::of(names[4], view.R, rows),
-                     NamedArray::of(names[5], view.mu, rows),
-                     NamedArray::of(names[6], view.lo, rows),
-                     NamedArray::of(names[7], view.hi, rows)};
-}
-
 /// The arrays of a view of cotangents or changes of its solution.
-template <class View, class Real>
-auto arrays_of_solution(const char* const (&names)[3], const View& view, const JacobianBatchView<Real>& batch,
-                        Offset count) {
-  return std::vector{NamedArray::of(names[0], view.lambda, count * batch.row_count),
-                     NamedArray::of(names[1], view.w, count * batch.row_count),
-                     NamedArray::of(names[2], view.velocity, count * batch.dof_count)};
+template <class Numbers, class Real>
+std::vector<NamedArray> arrays_of_solution(const char* owner, const Numbers& numbers,
+                                           const JacobianBatchView<Real>& batch, Offset count) {
+  return {NamedArray::of("lambda", numbers.lambda, count * batch.row_count, owner),
+          NamedArray::of("w", numbers.w, count * batch.row_count, owner),
+          NamedArray::of("velocity", numbers.velocity, count * batch.dof_count, owner)};
 }
 
 /// \throws Error(invalid_argument) if an output shares memory with another array.
 template <class Real>
 void refuse_shared(const JacobianBatchView<Real>& batch, const ReactionView<Real>& at, const GradientStatus* status,
                    const std::vector<NamedArray>& given, std::vector<NamedArray> outputs) {
-  const auto arrays = arrays_of(batch);
-  std::vector<NamedArray> inputs(arrays.begin(), arrays.end());
+  std::vector<NamedArray> inputs = arrays_of(batch);
   inputs.push_back(NamedArray::of("at.lambda", at.lambda, batch.row_count));
   inputs.push_back(NamedArray::of("at.status", at.status, batch.env_count));
   inputs.insert(inputs.end(), given.begin(), given.end());
@@ -69,12 +53,8 @@ void Derivative::vjp(const JacobianBatchView<Real>& batch, const ReactionView<Re
                      StreamRef stream) const {
   const ScopedFpEnv fp_env;
   check_batch(batch, at, status, count, device_);
-  refuse_shared(
-      batch, at, status,
-      arrays_of_solution({"cotangents.lambda", "cotangents.w", "cotangents.velocity"}, cotangents, batch, count),
-      arrays_by_number({"gradients.J", "gradients.M", "gradients.v_free", "gradients.target", "gradients.R",
-                        "gradients.mu", "gradients.lo", "gradients.hi"},
-                       gradients, batch, count));
+  refuse_shared(batch, at, status, arrays_of_solution("cotangents.", cotangents, batch, count),
+                arrays_of("gradients.", gradients, batch, count));
   JacobianVjpJob<Real> job{};
   fill(job.contact, batch.law, at, status, count, options_);
   job.assembly.batch = batch;
@@ -94,11 +74,8 @@ void Derivative::jvp(const JacobianBatchView<Real>& batch, const ReactionView<Re
                      GradientStatus* status, Offset count, StreamRef stream) const {
   const ScopedFpEnv fp_env;
   check_batch(batch, at, status, count, device_);
-  refuse_shared(batch, at, status,
-                arrays_by_number({"tangents.J", "tangents.M", "tangents.v_free", "tangents.target", "tangents.R",
-                                  "tangents.mu", "tangents.lo", "tangents.hi"},
-                                 tangents, batch, count),
-                arrays_of_solution({"changes.lambda", "changes.w", "changes.velocity"}, changes, batch, count));
+  refuse_shared(batch, at, status, arrays_of("tangents.", tangents, batch, count),
+                arrays_of_solution("changes.", changes, batch, count));
   JacobianJvpJob<Real> job{};
   fill(job.contact, batch.law, at, status, count, options_);
   job.assembly.batch = batch;

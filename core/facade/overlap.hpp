@@ -5,9 +5,11 @@
 #include <cstdint>
 #include <span>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "core/runtime/check/expect.hpp"
-#include "stiction/bodies.hpp"
+#include "stiction/batch_arrays.hpp"
 #include "stiction/jacobian_solver.hpp"
 #include "stiction/solver.hpp"
 
@@ -21,11 +23,13 @@ struct NamedArray {
   const char* name;
   const void* begin = nullptr;
   std::size_t bytes = 0;
+  const char* owner = "";  ///< what stands before the name
 
   template <class T>
-  static NamedArray of(const char* name, const T* array, Offset count) {
-    return {name, array, array == nullptr ? 0 : static_cast<std::size_t>(count) * sizeof(T)};
+  static NamedArray of(const char* name, const T* array, Offset count, const char* owner = "") {
+    return {name, array, array == nullptr ? 0 : static_cast<std::size_t>(count) * sizeof(T), owner};
   }
+  [[nodiscard]] std::string text() const { return std::string(owner) + name; }
 };
 
 inline bool overlap(const NamedArray& a, const NamedArray& b) {
@@ -37,7 +41,7 @@ inline bool overlap(const NamedArray& a, const NamedArray& b) {
 inline void refuse_overlaps(std::span<const NamedArray> outputs, std::span<const NamedArray> inputs) {
   const auto check = [](const NamedArray& output, const NamedArray& other) {
     if (overlap(output, other))
-      refuse(std::string(output.name) + " and " + other.name + " overlap in memory: give " + output.name +
+      refuse(output.text() + " and " + other.text() + " overlap in memory: give " + output.text() +
              " memory of its own");
   };
   for (std::size_t i = 0; i < outputs.size(); ++i) {
@@ -46,81 +50,42 @@ inline void refuse_overlaps(std::span<const NamedArray> outputs, std::span<const
   }
 }
 
+/// The arrays of a list (stiction/batch_arrays.hpp), each in `sets` that follow one another.
+class ListedArrays {
+ public:
+  explicit ListedArrays(const char* owner, Offset sets = 1) : owner_(owner), sets_(sets) {}
+  template <class T>
+  void operator()(const BatchArray& what, const T* array) {
+    found_.push_back(NamedArray::of(what.name, array, sets_ * what.length, owner_));
+  }
+  [[nodiscard]] std::vector<NamedArray> take() { return std::move(found_); }
+
+ private:
+  const char* owner_;
+  Offset sets_;
+  std::vector<NamedArray> found_;
+};
+
+template <class Batch>
+std::vector<NamedArray> arrays_of(const Batch& batch) {
+  ListedArrays list("batch.");
+  for_each_array(batch, list, batch);
+  return list.take();
+}
 template <class Real>
-auto arrays_of(const ContactBatchView<Real>& batch) {
-  const Offset envs = batch.env_count, rows = batch.row_count, cones = batch.cone_count;
-  const Offset mus = batch.mu_offsets != nullptr ? batch.mu_count : rows;
-  return std::array{NamedArray::of("batch.env_row_offsets", batch.env_row_offsets, envs + 1),
-                    NamedArray::of("batch.env_cone_offsets", batch.env_cone_offsets, envs + 1),
-                    NamedArray::of("batch.env_row_counts", batch.env_row_counts, envs),
-                    NamedArray::of("batch.env_cone_counts", batch.env_cone_counts, envs),
-                    NamedArray::of("batch.env_flags", batch.env_flags, envs),
-                    NamedArray::of("batch.env_tolerance", batch.env_tolerance, envs),
-                    NamedArray::of("batch.env_max_iterations", batch.env_max_iterations, envs),
-                    NamedArray::of("batch.cone_kind", batch.cone_kind, cones),
-                    NamedArray::of("batch.cone_row_offsets", batch.cone_row_offsets, cones + 1),
-                    NamedArray::of("batch.cone_group", batch.cone_group, cones),
-                    NamedArray::of("batch.row_offsets", batch.row_offsets, rows + 1),
-                    NamedArray::of("batch.row_counts", batch.row_counts, rows),
-                    NamedArray::of("batch.column", batch.column, batch.columns_stored()),
-                    NamedArray::of("batch.column_offsets", batch.column_offsets, rows),
-                    NamedArray::of("batch.A", batch.A, batch.nonzero_count),
-                    NamedArray::of("batch.factor_offsets", batch.factor_offsets, envs + 1),
-                    NamedArray::of("batch.factor", batch.factor, batch.factor_count),
-                    NamedArray::of("batch.b", batch.b, rows),
-                    NamedArray::of("batch.R", batch.R, rows),
-                    NamedArray::of("batch.mu", batch.mu, mus),
-                    NamedArray::of("batch.mu_offsets", batch.mu_offsets, rows),
-                    NamedArray::of("batch.lo", batch.lo, rows),
-                    NamedArray::of("batch.hi", batch.hi, rows)};
+std::vector<NamedArray> arrays_of(const BodyBatchView<Real>& batch) {
+  ListedArrays list("batch.");
+  for_each_array(batch, list, batch);
+  list(BatchArray{"contact_id", batch.contact_count}, batch.contact_id);
+  return list.take();
 }
 
-template <class Real>
-auto arrays_of(const JacobianBatchView<Real>& batch) {
-  const Offset envs = batch.env_count, rows = batch.row_count, cones = batch.cone_count;
-  return std::array{NamedArray::of("batch.env_row_offsets", batch.env_row_offsets, envs + 1),
-                    NamedArray::of("batch.env_cone_offsets", batch.env_cone_offsets, envs + 1),
-                    NamedArray::of("batch.env_dof_offsets", batch.env_dof_offsets, envs + 1),
-                    NamedArray::of("batch.env_mass_offsets", batch.env_mass_offsets, envs + 1),
-                    NamedArray::of("batch.env_row_counts", batch.env_row_counts, envs),
-                    NamedArray::of("batch.env_cone_counts", batch.env_cone_counts, envs),
-                    NamedArray::of("batch.env_flags", batch.env_flags, envs),
-                    NamedArray::of("batch.env_tolerance", batch.env_tolerance, envs),
-                    NamedArray::of("batch.env_max_iterations", batch.env_max_iterations, envs),
-                    NamedArray::of("batch.cone_kind", batch.cone_kind, cones),
-                    NamedArray::of("batch.cone_row_offsets", batch.cone_row_offsets, cones + 1),
-                    NamedArray::of("batch.cone_group", batch.cone_group, cones),
-                    NamedArray::of("batch.row_offsets", batch.row_offsets, rows + 1),
-                    NamedArray::of("batch.column", batch.column, batch.entry_count),
-                    NamedArray::of("batch.J", batch.J, batch.entry_count),
-                    NamedArray::of("batch.M", batch.M, batch.mass_count),
-                    NamedArray::of("batch.v_free", batch.v_free, batch.dof_count),
-                    NamedArray::of("batch.target", batch.target, rows),
-                    NamedArray::of("batch.R", batch.R, rows),
-                    NamedArray::of("batch.mu", batch.mu, rows),
-                    NamedArray::of("batch.lo", batch.lo, rows),
-                    NamedArray::of("batch.hi", batch.hi, rows)};
-}
-
-template <class Real>
-auto arrays_of(const BodyBatchView<Real>& batch) {
-  const Offset envs = batch.env_count, bodies = batch.body_count, contacts = batch.contact_count;
-  return std::array{NamedArray::of("batch.env_body_offsets", batch.env_body_offsets, envs + 1),
-                    NamedArray::of("batch.env_contact_offsets", batch.env_contact_offsets, envs + 1),
-                    NamedArray::of("batch.inv_mass", batch.inv_mass, bodies),
-                    NamedArray::of("batch.inv_inertia", batch.inv_inertia, 6 * bodies),
-                    NamedArray::of("batch.twist", batch.twist, 6 * bodies),
-                    NamedArray::of("batch.twist_change", batch.twist_change, 6 * bodies),
-                    NamedArray::of("batch.kinematic", batch.kinematic, bodies),
-                    NamedArray::of("batch.body_a", batch.body_a, contacts),
-                    NamedArray::of("batch.body_b", batch.body_b, contacts),
-                    NamedArray::of("batch.arm_a", batch.arm_a, 3 * contacts),
-                    NamedArray::of("batch.arm_b", batch.arm_b, 3 * contacts),
-                    NamedArray::of("batch.normal", batch.normal, 3 * contacts),
-                    NamedArray::of("batch.mu", batch.mu, contacts),
-                    NamedArray::of("batch.depth", batch.depth, contacts),
-                    NamedArray::of("batch.restitution", batch.restitution, contacts),
-                    NamedArray::of("batch.contact_id", batch.contact_id, contacts)};
+/// Cotangents or tangents of the batch's numbers, in so many sets.
+template <class Numbers, class Batch>
+std::vector<NamedArray> arrays_of(const char* owner, const Numbers& numbers, const Batch& batch, Offset sets) {
+  ListedArrays list(owner, sets);
+  for_each_change_array(batch, list, numbers);
+  return list.take();
 }
 
 template <class Real>

@@ -6,7 +6,7 @@
 #include "core/base/extents.hpp"
 #include "core/base/fp_env.hpp"
 #include "core/facade/broken_columns.hpp"
-#include "core/facade/host_structure.hpp"
+#include "core/facade/host_copy.hpp"
 #include "core/facade/overlap.hpp"
 #include "core/machine/contact_machine.hpp"
 #include "core/plan/islands.hpp"
@@ -69,20 +69,11 @@ void check_solution(const ContactBatchView<Real>& batch, const SolutionView<Real
     refuse("solution.lambda is null: give it room for one number per row (" + std::to_string(batch.row_count) + ")");
 }
 
-/// Numbers are read whatever InvalidPolicy says of their values.
+/// Arrays are read whatever InvalidPolicy says of their values.
 template <class Real>
-void check_numbers(const ContactBatchView<Real>& batch) {
-  const auto need = [](const char* name, const Real* array, bool needed) {
-    if (needed && array == nullptr) refuse(std::string(name) + " is null; point it to the batch's array");
-  };
-  need("A", batch.A, batch.nonzero_count > 0);
-  need("factor", batch.factor, batch.factor_offsets != nullptr && batch.factor_count > 0);
-  const bool rows = batch.row_count > 0;
-  need("b", batch.b, rows);
-  need("R", batch.R, rows);
-  need("mu", batch.mu, rows);
-  need("lo", batch.lo, rows);
-  need("hi", batch.hi, rows);
+void check_arrays(const ContactBatchView<Real>& batch) {
+  if (const char* name = missing_array(batch); name != nullptr)
+    refuse(std::string(name) + " is null; point it to the batch's array");
 }
 
 /// A device batch is queued now and solved later.
@@ -132,7 +123,7 @@ Plan Solver::plan(const ContactBatchView<Real>& batch, StreamRef stream) const {
     return Plan(std::make_shared<const PlanData>(make_plan(batch, parallel_for)));
   }
   check_space(batch.space, device_);
-  const HostStructure<Real> host(batch, *machine_, stream);
+  const HostCopy<Real> host(batch, false, *machine_, stream);
   reject(validate_structure(host.view(), 1));
   return Plan(std::make_shared<const PlanData>(make_plan(host.view())));
 }
@@ -279,7 +270,7 @@ template <class Real>
 void Solver::check_request(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution,
                            const Real* warm_start) const {
   if (batch.space == MemorySpace::host) check_matrices(batch, options_.solver);
-  check_numbers(batch);
+  check_arrays(batch);
   check_solution(batch, solution);
   refuse_overlaps(batch, solution, warm_start);
   check_space(batch.space, device_);

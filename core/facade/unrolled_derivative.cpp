@@ -17,12 +17,11 @@ void Derivative::unrolled_vjp(const ContactBatchView<Real>& batch, const SweepsV
   if (sweeps.count < 0) refuse("sweeps.count = " + std::to_string(sweeps.count) + ": must be >= 0");
   if (!(sweeps.omega > 0.0 && sweeps.omega < 2.0))
     refuse("sweeps.omega = " + std::to_string(sweeps.omega) + ": must be between 0 and 2; 1 is usual");
-  const auto arrays = arrays_of(batch);
-  std::vector<NamedArray> inputs(arrays.begin(), arrays.end());
+  std::vector<NamedArray> inputs = arrays_of(batch);
   inputs.push_back(NamedArray::of("sweeps.warm_start", sweeps.warm_start, batch.row_count));
   inputs.push_back(NamedArray::of("cotangents.lambda", cotangents.lambda, count * batch.row_count));
   inputs.push_back(NamedArray::of("cotangents.w", cotangents.w, count * batch.row_count));
-  auto outputs = gradient_arrays(gradients, batch, count);
+  auto outputs = arrays_of("gradients.", gradients, batch, count);
   outputs.push_back(NamedArray::of("sweeps.lambda", sweeps.lambda, batch.row_count));
   outputs.push_back(NamedArray::of("sweeps.by_warm_start", sweeps.by_warm_start, count * batch.row_count));
   outputs.push_back(NamedArray::of("status", status, batch.env_count));

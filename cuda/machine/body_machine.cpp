@@ -11,33 +11,12 @@
 #include "cuda/api/mover.hpp"
 #include "cuda/machine/body_classes.hpp"
 #include "cuda/machine/memory_limits.hpp"
+#include "stiction/batch_arrays.hpp"
 #include "stiction/error.hpp"
 
 namespace stiction {
 
 namespace cuda {
-
-namespace {
-
-/// f(array of one view, the same array of another, its length) for each array of a batch.
-template <class Real, class F>
-void for_each_array(BodyBatchView<Real>& a, const BodyBatchView<Real>& b, F&& f) {
-  f(a.env_body_offsets, b.env_body_offsets, b.env_count + 1);
-  f(a.env_contact_offsets, b.env_contact_offsets, b.env_count + 1);
-  f(a.inv_mass, b.inv_mass, b.body_count);
-  f(a.inv_inertia, b.inv_inertia, 6 * b.body_count);
-  f(a.twist, b.twist, 6 * b.body_count);
-  f(a.twist_change, b.twist_change, 6 * b.body_count);
-  f(a.kinematic, b.kinematic, b.body_count);
-  f(a.arm_a, b.arm_a, 3 * b.contact_count);
-  f(a.arm_b, b.arm_b, 3 * b.contact_count);
-  f(a.normal, b.normal, 3 * b.contact_count);
-  f(a.mu, b.mu, b.contact_count);
-  f(a.depth, b.depth, b.contact_count);
-  f(a.restitution, b.restitution, b.contact_count);
-}
-
-}  // namespace
 
 DeviceBodyMachine::DeviceBodyMachine(std::shared_ptr<DeviceApi> api, bool eager)
     : api_(std::move(api)), eager_(eager) {}
@@ -195,13 +174,17 @@ void DeviceBodyMachine::run_from_host(const BodyRequest<Real>& request) {
   const BodyBatchView<Real>& host = request.batch;
   BodyRequest<Real> there = request;
   ArraySet arrays;
+  BodyBatchView<Real> read = host;
   // Not read by a kernel: the plan holds what they say.
-  there.batch.body_a = there.batch.body_b = nullptr;
+  read.body_a = read.body_b = nullptr;
   there.batch.contact_id = nullptr;
-  for_each_array(there.batch, host, [&](auto*& target, const auto* source, Offset count) {
-    target = nullptr;
-    if (source != nullptr) arrays.add(target, count);
-  });
+  for_each_array(
+      host,
+      [&](const BatchArray& what, auto*& target, const auto* source) {
+        target = nullptr;
+        if (source != nullptr) arrays.add(target, what.length);
+      },
+      there.batch, read);
   Real* warm = nullptr;
   if (request.warm_start != nullptr) arrays.add(warm, 3 * host.contact_count);
   arrays.add(there.solution.impulse, 3 * host.contact_count);
@@ -214,9 +197,12 @@ void DeviceBodyMachine::run_from_host(const BodyRequest<Real>& request) {
   there.warm_start = warm;
   queue_all(*api_, request.stream.handle(), [&] {
     Mover mover(*api_, request.stream.handle());
-    for_each_array(there.batch, host, [&](const auto* target, const auto* source, Offset count) {
-      mover.to_device(target, source, count);
-    });
+    for_each_array(
+        host,
+        [&](const BatchArray& what, const auto* target, const auto* source) {
+          mover.to_device(target, source, what.length);
+        },
+        there.batch, read);
     mover.to_device(warm, request.warm_start, 3 * host.contact_count);
     run_on_device(there);
     mover.to_host(request.solution.impulse, there.solution.impulse, 3 * host.contact_count);

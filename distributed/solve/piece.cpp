@@ -4,6 +4,7 @@
 #include <numeric>
 
 #include "distributed/solve/visits.hpp"
+#include "stiction/batch_arrays.hpp"
 
 namespace stiction::distributed {
 
@@ -117,28 +118,21 @@ void Piece<Real>::copy_numbers(const BodyJob<Real>& job) {
   const auto append = [](auto& to, const auto* from, Offset row, Offset width) {
     if (from != nullptr) to.insert(to.end(), from + row * width, from + (row + 1) * width);
   };
-  body_offsets_ = {0, bodies()};
-  contact_offsets_ = {0, contacts()};
+  const auto append_row = [&append](Offset row) {
+    return [&append, row](const BatchArray& what, auto& to, const auto* from) { append(to, from, row, what.width); };
+  };
+  arrays_.env_body_offsets = {0, bodies()};
+  arrays_.env_contact_offsets = {0, contacts()};
   for (const Index body : bodies_) {
     const Offset row = body_base_ + body;
-    append(inv_mass_, batch.inv_mass, row, 1);
-    append(inv_inertia_, batch.inv_inertia, row, 6);
-    append(twist_, batch.twist, row, 6);
-    append(twist_change_, batch.twist_change, row, 6);
-    append(kinematic_, batch.kinematic, row, 1);
+    for_each_body_array(1, append_row(row), arrays_, batch);
   }
   const Index* order = job.plan.contact_order + contact_base_;
   for (const Index p : positions_) {
     const Offset row = contact_base_ + order[p];
     const auto local = [&](Index body) { return body < 0 ? -1 : local_[at(body)]; };
-    body_a_.push_back(local(batch.body_a[row]));
-    body_b_.push_back(local(batch.body_b[row]));
-    append(arm_a_, batch.arm_a, row, 3);
-    append(arm_b_, batch.arm_b, row, 3);
-    append(normal_, batch.normal, row, 3);
-    append(mu_, batch.mu, row, 1);
-    append(depth_, batch.depth, row, 1);
-    append(restitution_, batch.restitution, row, 1);
+    for_each_contact_array(1, append_row(row), arrays_, batch);
+    for (std::vector<Index>* side : {&arrays_.body_a, &arrays_.body_b}) side->back() = local(side->back());
     append(warm_start_, job.warm_start, row, 3);
   }
 }
@@ -148,8 +142,8 @@ template <class Real>
 void Piece<Real>::make_plan(const BodyPlanData& data) {
   const EnvPlan plan(data, env_);
   const auto count = static_cast<Index>(contacts());
-  plan_.env_body_offsets = body_offsets_;
-  plan_.env_contact_offsets = contact_offsets_;
+  plan_.env_body_offsets = arrays_.env_body_offsets;
+  plan_.env_contact_offsets = arrays_.env_contact_offsets;
   plan_.kept = {count};
   plan_.color_count = {plan.colors};
   plan_.contact_order.resize(positions_.size());
@@ -228,27 +222,8 @@ void Piece<Real>::make_rounds(const BodyPlanData& data, std::span<const int> own
 template <class Real>
 BodyJob<Real> Piece<Real>::job() const {
   const auto optional = [](const auto& array) { return array.empty() ? nullptr : array.data(); };
-  BodyBatchView<Real> batch;
-  batch.env_count = 1;
-  batch.body_count = bodies();
-  batch.contact_count = contacts();
-  batch.env_body_offsets = body_offsets_.data();
-  batch.env_contact_offsets = contact_offsets_.data();
-  batch.inv_mass = inv_mass_.data();
-  batch.inv_inertia = inv_inertia_.data();
-  batch.twist = twist_.data();
-  batch.twist_change = optional(twist_change_);
-  batch.kinematic = optional(kinematic_);
-  batch.body_a = body_a_.data();
-  batch.body_b = body_b_.data();
-  batch.arm_a = arm_a_.data();
-  batch.arm_b = arm_b_.data();
-  batch.normal = normal_.data();
-  batch.mu = mu_.data();
-  batch.depth = depth_.data();
-  batch.restitution = restitution_.data();
-  return {batch,     plan_.view(), {impulse_.data(), twist_out_.data(), w_.data(), &status_}, optional(warm_start_),
-          stepping_, options_};
+  return {arrays_.view(),        plan_.view(), {impulse_.data(), twist_out_.data(), w_.data(), &status_},
+          optional(warm_start_), stepping_,    options_};
 }
 
 template <class Real>

@@ -70,12 +70,8 @@ class Piece {
   std::vector<Index> positions_;  ///< the environment's, ascending                               (contacts)
   Rounds rounds_;
 
-  // Arrays as in BodyBatchView; contacts are in the order of positions.
-  std::vector<Offset> body_offsets_, contact_offsets_;
-  std::vector<Real> inv_mass_, inv_inertia_, twist_, twist_change_;
-  std::vector<std::uint8_t> kinematic_;
-  std::vector<Index> body_a_, body_b_;
-  std::vector<Real> arm_a_, arm_b_, normal_, mu_, depth_, restitution_, warm_start_;
+  BodyArrays<Real> arrays_;  ///< contacts are in the order of positions
+  std::vector<Real> warm_start_;
   BodyPlanData plan_;
   mutable std::vector<Real> impulse_, twist_out_, w_;
   mutable EnvStatus status_{};

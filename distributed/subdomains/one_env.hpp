@@ -1,6 +1,6 @@
 #pragma once
 
-#include "stiction/bodies.hpp"
+#include "stiction/batch_arrays.hpp"
 
 namespace stiction::distributed {
 
@@ -24,19 +24,13 @@ struct OneEnv {
     contact_offsets[1] = view.contact_count;
     view.env_body_offsets = body_offsets;
     view.env_contact_offsets = contact_offsets;
-    view.inv_mass = from(batch.inv_mass, body);
-    view.inv_inertia = from(batch.inv_inertia, 6 * body);
-    view.twist = from(batch.twist, 6 * body);
-    view.twist_change = from(batch.twist_change, 6 * body);
-    view.kinematic = from(batch.kinematic, body);
-    view.body_a = from(batch.body_a, contact);
-    view.body_b = from(batch.body_b, contact);
-    view.arm_a = from(batch.arm_a, 3 * contact);
-    view.arm_b = from(batch.arm_b, 3 * contact);
-    view.normal = from(batch.normal, 3 * contact);
-    view.mu = from(batch.mu, contact);
-    view.depth = from(batch.depth, contact);
-    view.restitution = from(batch.restitution, contact);
+    const auto move_by = [](Offset rows) {
+      return [rows](const BatchArray& what, auto*& array) {
+        if (array != nullptr) array += what.width * rows;
+      };
+    };
+    for_each_body_array(view.body_count, move_by(body), view);
+    for_each_contact_array(view.contact_count, move_by(contact), view);
     view.contact_id = nullptr;
     warm_start = from(warm, 3 * contact);
     solution = {from(all.impulse, 3 * contact), from(all.twist, 6 * body), from(all.w, 3 * contact),

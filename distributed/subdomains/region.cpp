@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "stiction/batch_arrays.hpp"
+
 namespace stiction::distributed {
 
 namespace {
@@ -40,9 +42,9 @@ Region<Real>::Region(const BodyBatchView<Real>& batch, const Subdomains& parts, 
   last_ = first_;
   while (last_ < parts.count() && is_before(last_, rank + 1)) ++last_;
   for (int subdomain = first_; subdomain < last_; ++subdomain) add_subdomain(batch, parts, subdomain, warm_start);
-  own_inv_mass_ = inv_mass_;
-  own_inv_inertia_ = inv_inertia_;
-  own_change_ = twist_change_;
+  own_inv_mass_ = arrays_.inv_mass;
+  own_inv_inertia_ = arrays_.inv_inertia;
+  own_change_ = arrays_.twist_change;
   guess_ = impulse_;
   twist_out_.resize(at(6 * bodies()));
   status_.resize(at(last_ - first_));
@@ -59,31 +61,30 @@ void Region<Real>::add_subdomain(const BodyBatchView<Real>& from, const Subdomai
   const std::vector<Index>& bodies = parts.bodies[at(subdomain)];
   for (const Index body : bodies) {
     body_of_row_.push_back(body);
-    append(inv_mass_, from.inv_mass, body, 1);
-    append(inv_inertia_, from.inv_inertia, body, 6);
-    append(twist_, from.twist, body, 6);
-    if (from.twist_change != nullptr) append(twist_change_, from.twist_change, body, 6);
-    kinematic_.push_back(from.kinematic == nullptr ? 0 : from.kinematic[body]);
+    for_each_body_array(
+        1,
+        [body](const BatchArray& what, auto& to, const auto* numbers) {
+          if (numbers != nullptr) append(to, numbers, body, what.width);
+        },
+        arrays_, from);
   }
-  twist_change_.resize(twist_.size());
+  arrays_.twist_change.resize(arrays_.twist.size());
+  arrays_.kinematic.resize(arrays_.inv_mass.size());
   const auto local = [&](Index body) {
     if (body < 0) return -1;
     return static_cast<Index>(std::lower_bound(bodies.begin(), bodies.end(), body) - bodies.begin());
   };
   for (const Index contact : parts.contacts[at(subdomain)]) {
-    body_a_.push_back(local(from.body_a[contact]));
-    body_b_.push_back(local(from.body_b[contact]));
-    append(arm_a_, from.arm_a, contact, 3);
-    append(arm_b_, from.arm_b, contact, 3);
-    append(normal_, from.normal, contact, 3);
-    append(mu_, from.mu, contact, 1);
-    append(depth_, from.depth, contact, 1);
-    append(restitution_, from.restitution, contact, 1);
+    for_each_contact_array(
+        1,
+        [contact](const BatchArray& what, auto& to, const auto* numbers) { append(to, numbers, contact, what.width); },
+        arrays_, from);
+    for (std::vector<Index>* side : {&arrays_.body_a, &arrays_.body_b}) side->back() = local(side->back());
     if (warm_start != nullptr) append(impulse_, warm_start, contact, 3);
   }
-  impulse_.resize(3 * mu_.size());
-  body_offsets_.push_back(static_cast<Offset>(inv_mass_.size()));
-  contact_offsets_.push_back(static_cast<Offset>(mu_.size()));
+  impulse_.resize(3 * arrays_.mu.size());
+  arrays_.env_body_offsets.push_back(static_cast<Offset>(arrays_.inv_mass.size()));
+  arrays_.env_contact_offsets.push_back(static_cast<Offset>(arrays_.mu.size()));
 }
 
 template <class Real>
@@ -122,7 +123,8 @@ void Region<Real>::find_shared(const Subdomains& parts, int rank, int ranks) {
     if (!neighbour.send.empty()) rounds_.front().push_back(neighbour);
   }
   for (int subdomain = first_; subdomain < last_; ++subdomain)
-    for (Offset row = body_offsets_[at(subdomain - first_)]; row < body_offsets_[at(subdomain - first_ + 1)]; ++row) {
+    for (Offset row = arrays_.env_body_offsets[at(subdomain - first_)];
+         row < arrays_.env_body_offsets[at(subdomain - first_ + 1)]; ++row) {
       const Index body = body_of_row_[at(row)];
       const std::vector<int>& holders = parts.holders[at(body)];
       if (!holders.empty() && holders.front() != subdomain) ++ghosts_;
@@ -145,26 +147,7 @@ BodyEnv<Real> own_env(const BodyBatchView<Real>& batch, const BodyPlanView& plan
 
 template <class Real>
 BodyBatchView<Real> Region<Real>::batch() const {
-  BodyBatchView<Real> view;
-  view.env_count = static_cast<Offset>(status_.size());
-  view.body_count = bodies();
-  view.contact_count = contacts();
-  view.env_body_offsets = body_offsets_.data();
-  view.env_contact_offsets = contact_offsets_.data();
-  view.inv_mass = inv_mass_.data();
-  view.inv_inertia = inv_inertia_.data();
-  view.twist = twist_.data();
-  view.twist_change = twist_change_.data();
-  view.kinematic = kinematic_.data();
-  view.body_a = body_a_.data();
-  view.body_b = body_b_.data();
-  view.arm_a = arm_a_.data();
-  view.arm_b = arm_b_.data();
-  view.normal = normal_.data();
-  view.mu = mu_.data();
-  view.depth = depth_.data();
-  view.restitution = restitution_.data();
-  return view;
+  return arrays_.view();
 }
 
 template <class Real>
@@ -194,7 +177,7 @@ void Region<Real>::use_plan(const BodyPlanView& plan) {
   for (Offset subdomain = 0; subdomain < own.env_count; ++subdomain) {
     const BodyEnv<Real> env = own_env(own, plan_, subdomain);
     for (Index body = 0; body < env.bodies; ++body) {
-      const Offset row = body_offsets_[at(subdomain)] + body;
+      const Offset row = arrays_.env_body_offsets[at(subdomain)] + body;
       free_twist_of(env, body, row6(change_, row), row6(free_, row));
     }
   }
@@ -217,7 +200,8 @@ template <class Real>
 void Region<Real>::set_penalty(double penalty, double factor) {
   for_each_copy([&](const Shared& shared, Index, Index slot, Index row) {
     const double gain = copy_gain(shared.copies, penalty);
-    share_mass(gain, own_inv_mass_[at(row)], row6(own_inv_inertia_, row), inv_mass_[at(row)], row6(inv_inertia_, row));
+    share_mass(gain, own_inv_mass_[at(row)], row6(own_inv_inertia_, row), arrays_.inv_mass[at(row)],
+               row6(arrays_.inv_inertia, row));
     scale_dual(factor, row6(u_, slot));
   });
 }
@@ -225,7 +209,8 @@ void Region<Real>::set_penalty(double penalty, double factor) {
 template <class Real>
 void Region<Real>::pull(double penalty) {
   for_each_copy([&](const Shared&, Index which, Index slot, Index row) {
-    pull_copy(row6(z_, which), row6(u_, slot), row6(free_, row), row6(change_, row), penalty, row6(twist_change_, row));
+    pull_copy(row6(z_, which), row6(u_, slot), row6(free_, row), row6(change_, row), penalty,
+              row6(arrays_.twist_change, row));
   });
 }
 
@@ -277,9 +262,9 @@ void Region<Real>::tell_changes() {
   const BodyBatchView<Real> own = own_batch();
   for (Offset subdomain = 0; subdomain < own.env_count; ++subdomain) {
     const BodyEnv<Real> env = own_env(own, plan_, subdomain);
-    const Real* impulse = impulse_.data() + 3 * contact_offsets_[at(subdomain)];
+    const Real* impulse = impulse_.data() + 3 * arrays_.env_contact_offsets[at(subdomain)];
     for (Index body = 0; body < env.bodies; ++body) {
-      double* pushed = row6(judged_, body_offsets_[at(subdomain)] + body);
+      double* pushed = row6(judged_, arrays_.env_body_offsets[at(subdomain)] + body);
       std::fill_n(pushed, 6, 0.0);
       if (!env.is_kinematic(body)) pushed_change(env, body, impulse, pushed);
     }
@@ -299,8 +284,8 @@ LargestResidual<double> Region<Real>::judge() {
   const SiParams params = si_params(stepping_, options_);
   for (Offset subdomain = 0; subdomain < own.env_count; ++subdomain) {
     const BodyEnv<Real> env = own_env(own, plan_, subdomain);
-    const Real* impulse = impulse_.data() + 3 * contact_offsets_[at(subdomain)];
-    const double* twists = row6(judged_, body_offsets_[at(subdomain)]);
+    const Real* impulse = impulse_.data() + 3 * arrays_.env_contact_offsets[at(subdomain)];
+    const double* twists = row6(judged_, arrays_.env_body_offsets[at(subdomain)]);
     const Law law = contact_law(options_);
     if (law == kBoxFriction) {
       evaluate_subdomain<kBoxFriction>(env, params, impulse, twists, 1.0, largest);

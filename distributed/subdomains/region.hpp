@@ -57,10 +57,10 @@ class Region {
   [[nodiscard]] bool is_broken() const { return is_broken_; }
   /// By contact of each subdomain here, in their order.
   [[nodiscard]] const std::vector<Real>& impulses() const { return impulse_; }
-  [[nodiscard]] Offset bodies() const { return static_cast<Offset>(inv_mass_.size()); }
+  [[nodiscard]] Offset bodies() const { return static_cast<Offset>(arrays_.inv_mass.size()); }
   /// Copies of bodies whose first copy is elsewhere.
   [[nodiscard]] Offset ghosts() const { return ghosts_; }
-  [[nodiscard]] Offset contacts() const { return static_cast<Offset>(mu_.size()); }
+  [[nodiscard]] Offset contacts() const { return static_cast<Offset>(arrays_.mu.size()); }
 
  private:
   /// A body that other subdomains push as well.
@@ -83,14 +83,9 @@ class Region {
   bool is_broken_ = false, has_moved_ = true;
   BodyPlanView plan_;
 
-  // Arrays as in BodyBatchView, of the subdomains one after the other. Those with `own_` are the body's, not the
-  // copy's.
-  std::vector<Offset> body_offsets_{0}, contact_offsets_{0};
+  BodyArrays<Real> arrays_;  ///< of the subdomains one after the other
   std::vector<Index> body_of_row_;
-  std::vector<Real> inv_mass_, inv_inertia_, twist_, twist_change_, own_inv_mass_, own_inv_inertia_, own_change_;
-  std::vector<std::uint8_t> kinematic_;
-  std::vector<Index> body_a_, body_b_;
-  std::vector<Real> arm_a_, arm_b_, normal_, mu_, depth_, restitution_;
+  std::vector<Real> own_inv_mass_, own_inv_inertia_, own_change_;  ///< the body's, not the copy's
   std::vector<Real> impulse_, guess_, twist_out_;
   std::vector<EnvStatus> status_;
 

@@ -5,10 +5,12 @@
 
 #include <memory>
 #include <mutex>
+#include <type_traits>
 
 #include "python/src/captured_objects.hpp"
 #include "python/src/names.hpp"
 #include "python/src/solver.hpp"
+#include "stiction/batch_arrays.hpp"
 
 namespace nb = nanobind;
 
@@ -103,13 +105,21 @@ GradientStatus* records(const Array& status, Offset envs) {
       room_for<std::uint8_t>(&status, "gradient_status", envs * static_cast<Offset>(sizeof(GradientStatus))));
 }
 
-/// Where cotangents of contact batches go, each where it is asked for.
-template <class Real>
-BatchCotangentView<Real> batch_cotangents(const nb::dict& gradients, Offset rows, Offset nonzeros) {
-  return {output<Real>(gradients, "A", nonzeros), nullptr,
-          output<Real>(gradients, "b", rows),     output<Real>(gradients, "R", rows),
-          output<Real>(gradients, "mu", rows),    output<Real>(gradients, "lo", rows),
-          output<Real>(gradients, "hi", rows)};
+/// Numbers of a batch by name, in so many sets: cotangents, each where it is asked for, or tangents.
+template <class Numbers, class Batch>
+Numbers numbers_of(const Batch& view, const nb::dict& arrays, Offset sets) {
+  Numbers numbers;
+  for_each_change_array(
+      view,
+      [&]<class Number>(const BatchArray& what, Number*& array) {
+        using Real = std::remove_const_t<Number>;
+        if constexpr (std::is_const_v<Number>)
+          array = input<Real>(arrays, what.name, sets * what.length);
+        else
+          array = output<Real>(arrays, what.name, sets * what.length);
+      },
+      numbers);
+  return numbers;
 }
 
 void vjp_contacts(FormDerivative& self, const ContactView& batch, const Array& lambda, const Array* status,
@@ -121,7 +131,7 @@ void vjp_contacts(FormDerivative& self, const ContactView& batch, const Array& l
         const auto at = reactions<Real>(lambda, status, view.row_count, view.env_count);
         const SolutionCotangentView<Real> from{input<Real>(cotangents, "lambda_", rows),
                                                input<Real>(cotangents, "w", rows)};
-        const auto to = batch_cotangents<Real>(gradients, rows, count * view.nonzero_count);
+        const auto to = numbers_of<BatchCotangentView<Real>>(view, gradients, count);
         GradientStatus* const record = records(gradient_status, view.env_count);
         const nb::gil_scoped_release unlocked;
         self.call(view, room, [&](const Derivative& derivative) {
@@ -139,7 +149,7 @@ void unrolled_contacts(FormDerivative& self, const ContactView& batch, const Arr
         const Offset rows = count * view.row_count;
         const SolutionCotangentView<Real> from{input<Real>(cotangents, "lambda_", rows),
                                                input<Real>(cotangents, "w", rows)};
-        const auto to = batch_cotangents<Real>(gradients, rows, count * view.nonzero_count);
+        const auto to = numbers_of<BatchCotangentView<Real>>(view, gradients, count);
         const SweepsView<Real> of{guess_of<Real>(warm_start, view.row_count, "warm_start"), sweeps, omega,
                                   output<Real>(gradients, "lambda_", view.row_count),
                                   output<Real>(gradients, "warm_start", rows)};
@@ -159,13 +169,7 @@ void jvp_contacts(FormDerivative& self, const ContactView& batch, const Array& l
       [&]<class Real>(const ContactBatchView<Real>& view) {
         const Offset rows = count * view.row_count;
         const auto at = reactions<Real>(lambda, status, view.row_count, view.env_count);
-        const BatchTangentView<Real> from{input<Real>(tangents, "A", count * view.nonzero_count),
-                                          nullptr,
-                                          input<Real>(tangents, "b", rows),
-                                          input<Real>(tangents, "R", rows),
-                                          input<Real>(tangents, "mu", rows),
-                                          input<Real>(tangents, "lo", rows),
-                                          input<Real>(tangents, "hi", rows)};
+        const auto from = numbers_of<BatchTangentView<Real>>(view, tangents, count);
         const SolutionTangentView<Real> to{output<Real>(changes, "lambda_", rows), output<Real>(changes, "w", rows)};
         GradientStatus* const record = records(gradient_status, view.env_count);
         const nb::gil_scoped_release unlocked;
@@ -186,14 +190,7 @@ void vjp_jacobian(FormDerivative& self, const JacobianView& batch, const Array& 
         const JacobianSolutionCotangentView<Real> from{input<Real>(cotangents, "lambda_", rows),
                                                        input<Real>(cotangents, "w", rows),
                                                        input<Real>(cotangents, "velocities", dofs)};
-        const JacobianBatchCotangentView<Real> to{output<Real>(gradients, "J", count * view.entry_count),
-                                                  output<Real>(gradients, "M", count * view.mass_count),
-                                                  output<Real>(gradients, "v_free", dofs),
-                                                  output<Real>(gradients, "target", rows),
-                                                  output<Real>(gradients, "R", rows),
-                                                  output<Real>(gradients, "mu", rows),
-                                                  output<Real>(gradients, "lo", rows),
-                                                  output<Real>(gradients, "hi", rows)};
+        const auto to = numbers_of<JacobianBatchCotangentView<Real>>(view, gradients, count);
         GradientStatus* const record = records(gradient_status, view.env_count);
         const nb::gil_scoped_release unlocked;
         self.call(view, room, [&](const Derivative& derivative) {
@@ -210,14 +207,7 @@ void jvp_jacobian(FormDerivative& self, const JacobianView& batch, const Array& 
       [&]<class Real>(const JacobianBatchView<Real>& view) {
         const Offset rows = count * view.row_count, dofs = count * view.dof_count;
         const auto at = reactions<Real>(lambda, status, view.row_count, view.env_count);
-        const JacobianBatchTangentView<Real> from{input<Real>(tangents, "J", count * view.entry_count),
-                                                  input<Real>(tangents, "M", count * view.mass_count),
-                                                  input<Real>(tangents, "v_free", dofs),
-                                                  input<Real>(tangents, "target", rows),
-                                                  input<Real>(tangents, "R", rows),
-                                                  input<Real>(tangents, "mu", rows),
-                                                  input<Real>(tangents, "lo", rows),
-                                                  input<Real>(tangents, "hi", rows)};
+        const auto from = numbers_of<JacobianBatchTangentView<Real>>(view, tangents, count);
         const JacobianSolutionTangentView<Real> to{output<Real>(changes, "lambda_", rows),
                                                    output<Real>(changes, "w", rows),
                                                    output<Real>(changes, "velocities", dofs)};

@@ -6,6 +6,7 @@
 
 #include "python/src/as_numpy.hpp"
 #include "python/src/solver.hpp"
+#include "stiction/batch_arrays.hpp"
 
 namespace nb = nanobind;
 
@@ -30,17 +31,11 @@ nb::dict arrays_of(const JacobianBodies<Real>& bodies, nb::handle owner) {
   nb::dict to;
   to["body_offsets"] = as_numpy(numbers(from.env_body_offsets, from.env_count + 1), owner);
   to["contact_offsets"] = as_numpy(numbers(from.env_contact_offsets, from.env_count + 1), owner);
-  to["inv_mass"] = as_numpy(numbers(from.inv_mass, from.body_count), owner);
-  to["inv_inertia"] = as_numpy(numbers(from.inv_inertia, 6 * from.body_count), owner);
-  to["twist"] = as_numpy(numbers(from.twist, 6 * from.body_count), owner);
-  to["twist_change"] = as_numpy(numbers(from.twist_change, 6 * from.body_count), owner);
-  to["body_a"] = as_numpy(numbers(from.body_a, from.contact_count), owner);
-  to["body_b"] = as_numpy(numbers(from.body_b, from.contact_count), owner);
-  to["arm_a"] = as_numpy(numbers(from.arm_a, 3 * from.contact_count), owner);
-  to["arm_b"] = as_numpy(numbers(from.arm_b, 3 * from.contact_count), owner);
-  to["normal"] = as_numpy(numbers(from.normal, 3 * from.contact_count), owner);
-  to["mu"] = as_numpy(numbers(from.mu, from.contact_count), owner);
-  to["depth"] = as_numpy(numbers(from.depth, from.contact_count), owner);
+  const auto put = [&](const BatchArray& what, const auto* array) {
+    to[what.name] = as_numpy(numbers(array, what.length), owner);
+  };
+  for_each_body_array(from.body_count, put, from);
+  for_each_contact_array(from.contact_count, put, from);
   return to;
 }
 

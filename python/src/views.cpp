@@ -7,6 +7,7 @@
 
 #include "python/src/array.hpp"
 #include "python/src/names.hpp"
+#include "stiction/batch_arrays.hpp"
 
 namespace nb = nanobind;
 
@@ -19,20 +20,19 @@ class Fields {
  public:
   explicit Fields(const nb::dict& arrays) : arrays_(arrays) {}
 
+  /// Points one of a view's arrays at that of its name. An enumeration lies in memory as its number. Bits are kept in
+  /// signed integers by frameworks without others.
   template <class T>
-  void take(const char* name, const T*& target) const {
-    if (const Array* array = find(name)) target = array->template read<T>(name);
-  }
-  /// An enumeration lies in memory as its number.
-  void take_kinds(const char* name, const ConeKind*& target) const {
-    if (const Array* array = find(name)) target = reinterpret_cast<const ConeKind*>(array->read<std::uint8_t>(name));
-  }
-  /// Bits, which frameworks without unsigned integers keep in signed ones.
-  void take_flags(const char* name, const std::uint32_t*& target) const {
-    const Array* array = find(name);
+  void operator()(const BatchArray& what, const T*& target) const {
+    const Array* const array = find(what.name);
     if (array == nullptr) return;
-    target = array->dtype() == "int32" ? reinterpret_cast<const std::uint32_t*>(array->read<std::int32_t>(name))
-                                       : array->read<std::uint32_t>(name);
+    if constexpr (std::is_enum_v<T>)
+      target = reinterpret_cast<const T*>(array->read<std::underlying_type_t<T>>(what.name));
+    else if constexpr (std::is_same_v<T, std::uint32_t>)
+      target = array->dtype() == "int32" ? reinterpret_cast<const T*>(array->read<std::int32_t>(what.name))
+                                         : array->read<T>(what.name);
+    else
+      target = array->template read<T>(what.name);
   }
   [[nodiscard]] Offset length(const char* name) const {
     const Array* array = find(name);
@@ -52,44 +52,21 @@ Offset parts(const Fields& fields, const char* offsets) {
   return length > 0 ? length - 1 : 0;
 }
 
-template <class View>
-void take_environments(const Fields& fields, View& view) {
+void count_rows(const Fields& fields, BatchLayout& view) {
   view.env_count = parts(fields, "env_row_offsets");
   view.cone_count = fields.length("cone_kind");
   view.row_count = parts(fields, "row_offsets");
-  fields.take("env_row_offsets", view.env_row_offsets);
-  fields.take("env_cone_offsets", view.env_cone_offsets);
-  fields.take("env_row_counts", view.env_row_counts);
-  fields.take("env_cone_counts", view.env_cone_counts);
-  fields.take_flags("env_flags", view.env_flags);
-  fields.take("env_tolerance", view.env_tolerance);
-  fields.take("env_max_iterations", view.env_max_iterations);
-  fields.take_kinds("cone_kind", view.cone_kind);
-  fields.take("cone_row_offsets", view.cone_row_offsets);
-  fields.take("cone_group", view.cone_group);
-  fields.take("row_offsets", view.row_offsets);
-  fields.take("column", view.column);
-  fields.take("R", view.R);
-  fields.take("mu", view.mu);
-  fields.take("lo", view.lo);
-  fields.take("hi", view.hi);
 }
 
 template <class Real>
 ContactBatchView<Real> contact_view(const Fields& fields, Law law, MemorySpace space) {
   ContactBatchView<Real> view;
-  take_environments(fields, view);
+  count_rows(fields, view);
   view.nonzero_count = fields.length("A");
-  fields.take("row_counts", view.row_counts);
-  fields.take("column_offsets", view.column_offsets);
   view.column_count = fields.length("column");
-  fields.take("A", view.A);
-  fields.take("factor_offsets", view.factor_offsets);
-  fields.take("factor", view.factor);
   view.factor_count = fields.length("factor");
-  fields.take("b", view.b);
-  fields.take("mu_offsets", view.mu_offsets);
   view.mu_count = fields.length("mu");
+  for_each_array(view, fields, view);
   view.law = law;
   view.space = space;
   return view;
@@ -99,16 +76,11 @@ template <class Real>
 JacobianBatchView<Real> jacobian_view(const Fields& fields, Law law, MassForm form, Index mass_block,
                                       MemorySpace space) {
   JacobianBatchView<Real> view;
-  take_environments(fields, view);
+  count_rows(fields, view);
   view.dof_count = fields.length("v_free");
   view.entry_count = fields.length("J");
   view.mass_count = fields.length("M");
-  fields.take("env_dof_offsets", view.env_dof_offsets);
-  fields.take("env_mass_offsets", view.env_mass_offsets);
-  fields.take("J", view.J);
-  fields.take("M", view.M);
-  fields.take("v_free", view.v_free);
-  fields.take("target", view.target);
+  for_each_array(view, fields, view);
   view.mass_form = form;
   view.mass_block = mass_block;
   view.law = law;
@@ -122,21 +94,7 @@ BodyBatchView<Real> body_view(const Fields& fields, MemorySpace space) {
   view.env_count = parts(fields, "env_body_offsets");
   view.body_count = fields.length("inv_mass");
   view.contact_count = fields.length("body_a");
-  fields.take("env_body_offsets", view.env_body_offsets);
-  fields.take("env_contact_offsets", view.env_contact_offsets);
-  fields.take("inv_mass", view.inv_mass);
-  fields.take("inv_inertia", view.inv_inertia);
-  fields.take("twist", view.twist);
-  fields.take("twist_change", view.twist_change);
-  fields.take("kinematic", view.kinematic);
-  fields.take("body_a", view.body_a);
-  fields.take("body_b", view.body_b);
-  fields.take("arm_a", view.arm_a);
-  fields.take("arm_b", view.arm_b);
-  fields.take("normal", view.normal);
-  fields.take("mu", view.mu);
-  fields.take("depth", view.depth);
-  fields.take("restitution", view.restitution);
+  for_each_array(view, fields, view);
   view.space = space;
   return view;
 }

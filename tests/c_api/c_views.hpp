@@ -4,9 +4,8 @@
 #include <vector>
 
 #include "stiction.h"
-#include "stiction/bodies.hpp"
+#include "stiction/batch_arrays.hpp"
 #include "stiction/jacobian_solver.hpp"
-#include "stiction/solver.hpp"
 #include "tests/support/systems/body_systems.hpp"
 #include "tests/support/systems/random_systems.hpp"
 
@@ -39,53 +38,45 @@ stiction_solution c_view(Solution<Real>& solution) {
   return c;
 }
 
-template <class C, class Cpp>
-void copy_common(C& c, const Cpp& cpp) {
+/// An array of C++ as one of C, which may have no type.
+struct ToC {
+  template <class T, class Untyped>
+  void operator()(const BatchArray&, const T* cpp, const Untyped*& c) const {
+    c = reinterpret_cast<const Untyped*>(cpp);
+  }
+};
+
+template <class C>
+void copy_layout(C& c, const BatchLayout& cpp) {
   c.law = static_cast<std::int32_t>(cpp.law);
   c.env_count = cpp.env_count;
   c.cone_count = cpp.cone_count;
   c.row_count = cpp.row_count;
-  c.env_row_offsets = cpp.env_row_offsets;
-  c.env_cone_offsets = cpp.env_cone_offsets;
-  c.cone_kind = reinterpret_cast<const std::uint8_t*>(cpp.cone_kind);
-  c.cone_row_offsets = cpp.cone_row_offsets;
-  c.cone_group = cpp.cone_group;
-  c.row_offsets = cpp.row_offsets;
-  c.column = cpp.column;
-  c.R = cpp.R;
-  c.mu = cpp.mu;
-  c.lo = cpp.lo;
-  c.hi = cpp.hi;
 }
 
 template <class Real>
 stiction_batch_view c_view(const ContactBatchView<Real>& batch) {
   stiction_batch_view c;
   stiction_batch_view_init(&c, sizeof c);
-  copy_common(c, batch);
+  copy_layout(c, batch);
   c.precision = kPrecision<Real>;
   c.nonzero_count = batch.nonzero_count;
-  c.A = batch.A;
-  c.b = batch.b;
+  c.factor_count = batch.factor_count;
+  for_each_array(batch, ToC{}, batch, c);
   return c;
 }
 
 inline stiction_jacobian_view c_view(const JacobianBatchView<double>& batch) {
   stiction_jacobian_view c;
   stiction_jacobian_view_init(&c, sizeof c);
-  copy_common(c, batch);
+  copy_layout(c, batch);
   c.precision = STICTION_F64;
   c.mass_form = static_cast<std::int32_t>(batch.mass_form);
   c.mass_block = batch.mass_block;
   c.dof_count = batch.dof_count;
   c.entry_count = batch.entry_count;
   c.mass_count = batch.mass_count;
-  c.env_dof_offsets = batch.env_dof_offsets;
-  c.env_mass_offsets = batch.env_mass_offsets;
-  c.J = batch.J;
-  c.M = batch.M;
-  c.v_free = batch.v_free;
-  c.target = batch.target;
+  for_each_array(batch, ToC{}, batch, c);
   return c;
 }
 
@@ -96,21 +87,7 @@ inline stiction_body_view c_view(const BodyBatchView<double>& batch) {
   c.env_count = batch.env_count;
   c.body_count = batch.body_count;
   c.contact_count = batch.contact_count;
-  c.env_body_offsets = batch.env_body_offsets;
-  c.env_contact_offsets = batch.env_contact_offsets;
-  c.inv_mass = batch.inv_mass;
-  c.inv_inertia = batch.inv_inertia;
-  c.twist = batch.twist;
-  c.twist_change = batch.twist_change;
-  c.kinematic = batch.kinematic;
-  c.body_a = batch.body_a;
-  c.body_b = batch.body_b;
-  c.arm_a = batch.arm_a;
-  c.arm_b = batch.arm_b;
-  c.normal = batch.normal;
-  c.mu = batch.mu;
-  c.depth = batch.depth;
-  c.restitution = batch.restitution;
+  for_each_array(batch, ToC{}, batch, c);
   return c;
 }
 

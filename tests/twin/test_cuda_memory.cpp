@@ -15,6 +15,7 @@ TEST(CudaMemory, IsTestedWhereTheBuildHasCuda) {
 #include <vector>
 
 #include "cuda/native/cuda_check.hpp"
+#include "stiction/batch_arrays.hpp"
 #include "stiction/error.hpp"
 #include "tests/support/bits.hpp"
 #include "tests/support/systems/scene_batches.hpp"
@@ -54,19 +55,12 @@ class DeviceArrays {
 template <class Real>
 ContactBatchView<Real> to_device(const ContactBatchView<Real>& host, DeviceArrays& arrays) {
   ContactBatchView<Real> view = host;
-  view.env_row_offsets = arrays.copy(host.env_row_offsets, host.env_count + 1);
-  view.env_cone_offsets = arrays.copy(host.env_cone_offsets, host.env_count + 1);
-  view.cone_kind = arrays.copy(host.cone_kind, host.cone_count);
-  view.cone_row_offsets = arrays.copy(host.cone_row_offsets, host.cone_count + 1);
-  if (host.cone_group != nullptr) view.cone_group = arrays.copy(host.cone_group, host.cone_count);
-  view.row_offsets = arrays.copy(host.row_offsets, host.row_count + 1);
-  view.column = arrays.copy(host.column, host.nonzero_count);
-  view.A = arrays.copy(host.A, host.nonzero_count);
-  view.b = arrays.copy(host.b, host.row_count);
-  view.R = arrays.copy(host.R, host.row_count);
-  view.mu = arrays.copy(host.mu, host.row_count);
-  view.lo = arrays.copy(host.lo, host.row_count);
-  view.hi = arrays.copy(host.hi, host.row_count);
+  for_each_array(
+      host,
+      [&](const BatchArray& what, auto*& array) {
+        if (array != nullptr) array = arrays.copy(array, what.length);
+      },
+      view);
   view.space = MemorySpace::cuda;
   return view;
 }

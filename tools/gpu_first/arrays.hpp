@@ -1,13 +1,11 @@
 #pragma once
 
-#include <array>
 #include <memory>
 #include <vector>
 
-#include "core/job/row_numbers.hpp"
 #include "cuda/api/memory.hpp"
+#include "stiction/batch_arrays.hpp"
 #include "stiction/hash.hpp"
-#include "stiction/jacobian.hpp"
 
 namespace stiction::gpu_first {
 
@@ -59,43 +57,10 @@ std::uint64_t hash_of(const std::vector<T>& values) {
 }
 
 /// The batch with every array on the device.
-template <class Real>
-ContactBatchView<Real> on_device(Arrays& arrays, const ContactBatchView<Real>& host) {
-  ContactBatchView<Real> view = host;
-  view.env_row_offsets = arrays.put(host.env_row_offsets, host.env_count + 1);
-  view.env_cone_offsets = arrays.put(host.env_cone_offsets, host.env_count + 1);
-  view.cone_kind = arrays.put(host.cone_kind, host.cone_count);
-  view.cone_row_offsets = arrays.put(host.cone_row_offsets, host.cone_count + 1);
-  view.cone_group = arrays.put(host.cone_group, host.cone_count);
-  view.row_offsets = arrays.put(host.row_offsets, host.row_count + 1);
-  view.column = arrays.put(host.column, host.nonzero_count);
-  view.A = arrays.put(host.A, host.nonzero_count);
-  view.factor_offsets = arrays.put(host.factor_offsets, host.env_count + 1);
-  view.factor = arrays.put(host.factor, host.factor_count);
-  for (const auto member : kRowNumbers<Real>) view.*member = arrays.put(host.*member, host.row_count);
-  view.space = MemorySpace::cuda;
-  return view;
-}
-
-template <class Real>
-JacobianBatchView<Real> on_device(Arrays& arrays, const JacobianBatchView<Real>& host) {
-  JacobianBatchView<Real> view = host;
-  view.env_row_offsets = arrays.put(host.env_row_offsets, host.env_count + 1);
-  view.env_cone_offsets = arrays.put(host.env_cone_offsets, host.env_count + 1);
-  view.env_dof_offsets = arrays.put(host.env_dof_offsets, host.env_count + 1);
-  view.env_mass_offsets = arrays.put(host.env_mass_offsets, host.env_count + 1);
-  view.cone_kind = arrays.put(host.cone_kind, host.cone_count);
-  view.cone_row_offsets = arrays.put(host.cone_row_offsets, host.cone_count + 1);
-  view.cone_group = arrays.put(host.cone_group, host.cone_count);
-  view.row_offsets = arrays.put(host.row_offsets, host.row_count + 1);
-  view.column = arrays.put(host.column, host.entry_count);
-  view.J = arrays.put(host.J, host.entry_count);
-  view.M = arrays.put(host.M, host.mass_count);
-  view.v_free = arrays.put(host.v_free, host.dof_count);
-  for (const auto member : std::array<const Real * JacobianBatchView<Real>::*, 5>{
-           &JacobianBatchView<Real>::target, &JacobianBatchView<Real>::R, &JacobianBatchView<Real>::mu,
-           &JacobianBatchView<Real>::lo, &JacobianBatchView<Real>::hi})
-    view.*member = arrays.put(host.*member, host.row_count);
+template <class Batch>
+Batch on_device(Arrays& arrays, const Batch& host) {
+  Batch view = host;
+  for_each_array(host, [&](const BatchArray& what, auto*& array) { array = arrays.put(array, what.length); }, view);
   view.space = MemorySpace::cuda;
   return view;
 }

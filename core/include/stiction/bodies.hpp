@@ -77,6 +77,20 @@ struct BodyEnvironment {
   std::vector<Contact> contacts;  ///< contacts
 };
 
+/// The arrays of a batch of bodies on the host, shapes as in BodyBatchView.
+template <class Real>
+struct BodyArrays {
+  std::vector<Offset> env_body_offsets{0}, env_contact_offsets{0};
+  std::vector<Real> inv_mass, inv_inertia, twist, twist_change;  ///< twist_change may be empty
+  std::vector<std::uint8_t> kinematic;                           ///< may be empty
+  std::vector<Index> body_a, body_b;
+  std::vector<Real> arm_a, arm_b, normal, mu, depth, restitution;
+  std::vector<std::uint64_t> contact_id;  ///< may be empty
+
+  /// The batch as BodySolver reads it; valid while no array grows.
+  [[nodiscard]] BodyBatchView<Real> view() const noexcept;
+};
+
 /// Owner of a batch of bodies on the host; append-only.
 template <class Real>
 class BodyBatch {
@@ -86,21 +100,16 @@ class BodyBatch {
   void add(const BodyEnvironment<Real>& environment);
 
   /// The batch as BodySolver reads it, in host memory; valid while the batch lives and is not appended to.
-  [[nodiscard]] BodyBatchView<Real> view() const noexcept;
+  [[nodiscard]] BodyBatchView<Real> view() const noexcept { return arrays_.view(); }
   /// Environments so far.
-  [[nodiscard]] Offset env_count() const noexcept { return static_cast<Offset>(env_body_offsets_.size()) - 1; }
+  [[nodiscard]] Offset env_count() const noexcept { return static_cast<Offset>(arrays_.env_body_offsets.size()) - 1; }
   /// Bodies of all environments.
-  [[nodiscard]] Offset body_count() const noexcept { return env_body_offsets_.back(); }
+  [[nodiscard]] Offset body_count() const noexcept { return arrays_.env_body_offsets.back(); }
   /// Contacts of all environments.
-  [[nodiscard]] Offset contact_count() const noexcept { return env_contact_offsets_.back(); }
+  [[nodiscard]] Offset contact_count() const noexcept { return arrays_.env_contact_offsets.back(); }
 
  private:
-  std::vector<Offset> env_body_offsets_{0}, env_contact_offsets_{0};
-  std::vector<Real> inv_mass_, inv_inertia_, twist_, twist_change_;
-  std::vector<std::uint8_t> kinematic_;
-  std::vector<Index> body_a_, body_b_;
-  std::vector<Real> arm_a_, arm_b_, normal_, mu_, depth_, restitution_;
-  std::vector<std::uint64_t> contact_id_;
+  BodyArrays<Real> arrays_;
 };
 
 /// Every broken precondition of a host batch, at most `limit` of them, structure first; `Defect::cone` is the contact

@@ -67,12 +67,29 @@ struct ReactionView {
   const EnvStatus* status = nullptr;  ///< how they were found, or null: only the residual counts  (env_count)
 };
 
-/// Derivatives of losses by what a solve returned, in `count` sets that follow one another. Null: zeros.
-template <class Real>
-struct SolutionCotangentView {
-  const Real* lambda = nullptr;  ///< by the reactions                                 (count * row_count)
-  const Real* w = nullptr;       ///< by the residual motion w                         (count * row_count)
+/// Numbers of a solution, in `count` sets that follow one another. Cotangents are derivatives of losses by it; null:
+/// zeros. Tangents are changes of it; null: not wanted.
+template <class Number>
+struct SolutionNumbers {
+  Number* lambda = nullptr;  ///< of the reactions        (count * row_count)
+  Number* w = nullptr;       ///< of the residual motion  (count * row_count)
 };
+template <class Real>
+using SolutionCotangentView = SolutionNumbers<const Real>;
+template <class Real>
+using SolutionTangentView = SolutionNumbers<Real>;
+
+/// Cotangents or tangents of a solution of J and M.
+template <class Number>
+struct JacobianSolutionNumbers {
+  Number* lambda = nullptr;    ///< of the reactions        (count * row_count)
+  Number* w = nullptr;         ///< of the residual motion  (count * row_count)
+  Number* velocity = nullptr;  ///< of v+                   (count * dof_count)
+};
+template <class Real>
+using JacobianSolutionCotangentView = JacobianSolutionNumbers<const Real>;
+template <class Real>
+using JacobianSolutionTangentView = JacobianSolutionNumbers<Real>;
 
 /// Sweeps of solver `pgs` that are differentiated as they run, and what comes of them beside the batch's cotangents.
 template <class Real>
@@ -84,84 +101,43 @@ struct SweepsView {
   Real* by_warm_start = nullptr;     ///< out, set after set: by the warm start          (count of sets * row_count)
 };
 
-/// Where derivatives of losses by a batch's numbers go, set after set. Null: not wanted. Entries of A are independent:
-/// each stored one gets its derivative, and who means a symmetric A adds both. Of rows that share mu each gets its
-/// part. Numbers that the batch does not use are not written.
-template <class Real>
-struct BatchCotangentView {
-  Real* A = nullptr;       ///< by the stored entries                              (count * nonzero_count)
-  Real* factor = nullptr;  ///< by Y where A = Y Y' is not stored                   (count * factor_count)
-  Real* b = nullptr;       ///< by b                                               (count * row_count)
-  Real* R = nullptr;       ///< by R                                               (count * row_count)
-  Real* mu = nullptr;      ///< by the friction of each row; 0 where it is none    (count * row_count)
-  Real* lo = nullptr;      ///< by lower bounds; 0 where they do not hold          (count * row_count)
-  Real* hi = nullptr;      ///< by upper bounds                                    (count * row_count)
+/// Numbers of a batch, in `count` sets that follow one another. Cotangents are where derivatives of losses by them go;
+/// null: not wanted. Tangents are changes of them; null: zeros. Entries of A are independent: each stored one gets its
+/// derivative, and who means a symmetric A adds both. Of rows that share mu each gets its part. Numbers that the batch
+/// does not use are not written.
+template <class Number>
+struct BatchNumbers {
+  Number* A = nullptr;       ///< of the stored entries                           (count * nonzero_count)
+  Number* factor = nullptr;  ///< of Y where A = Y Y' is not stored                (count * factor_count)
+  Number* b = nullptr;       ///< of b                                            (count * row_count)
+  Number* R = nullptr;       ///< of R                                            (count * row_count)
+  Number* mu = nullptr;      ///< of the friction of each row; 0 where it is none (count * row_count)
+  Number* lo = nullptr;      ///< of lower bounds; 0 where they do not hold       (count * row_count)
+  Number* hi = nullptr;      ///< of upper bounds                                 (count * row_count)
 };
+template <class Real>
+using BatchCotangentView = BatchNumbers<Real>;
+template <class Real>
+using BatchTangentView = BatchNumbers<const Real>;
 
-/// Changes of a batch's numbers, in `count` sets that follow one another. Null: zeros. Shapes are those of
-/// BatchCotangentView.
-template <class Real>
-struct BatchTangentView {
-  const Real* A = nullptr;       ///< of the stored entries
-  const Real* factor = nullptr;  ///< of Y
-  const Real* b = nullptr;       ///< of b
-  const Real* R = nullptr;       ///< of R
-  const Real* mu = nullptr;      ///< of the friction of each row
-  const Real* lo = nullptr;      ///< of lower bounds
-  const Real* hi = nullptr;      ///< of upper bounds
+/// Cotangents or tangents of a Jacobian batch. Stored entries of J are independent. M is a symmetric parameter. The
+/// product of its cotangent with a symmetric change is the change of the loss, and of a tangent the symmetric part
+/// counts. Of a factor L the lower triangle is written and read, and zeros are written above it.
+template <class Number>
+struct JacobianBatchNumbers {
+  Number* J = nullptr;       ///< of the stored entries        (count * entry_count)
+  Number* M = nullptr;       ///< of M, or of its factor       (count * mass_count)
+  Number* v_free = nullptr;  ///< of v_free                    (count * dof_count)
+  Number* target = nullptr;  ///< of target                    (count * row_count)
+  Number* R = nullptr;       ///< of R                         (count * row_count)
+  Number* mu = nullptr;      ///< of the friction of each row  (count * row_count)
+  Number* lo = nullptr;      ///< of lower bounds              (count * row_count)
+  Number* hi = nullptr;      ///< of upper bounds              (count * row_count)
 };
-
-/// Where changes of the solution go, set after set. Null: not wanted.
 template <class Real>
-struct SolutionTangentView {
-  Real* lambda = nullptr;  ///< of the reactions        (count * row_count)
-  Real* w = nullptr;       ///< of the residual motion  (count * row_count)
-};
-
-/// Derivatives of losses by what a solve of J and M returned, in `count` sets. Null: zeros.
+using JacobianBatchCotangentView = JacobianBatchNumbers<Real>;
 template <class Real>
-struct JacobianSolutionCotangentView {
-  const Real* lambda = nullptr;    ///< by the reactions            (count * row_count)
-  const Real* w = nullptr;         ///< by the residual motion      (count * row_count)
-  const Real* velocity = nullptr;  ///< by v+                       (count * dof_count)
-};
-
-/// Where derivatives of losses by a Jacobian batch's numbers go, set after set. Null: not wanted. Stored entries of J
-/// are independent. M is a symmetric parameter: what is written is symmetric, and its product with a symmetric change
-/// is the change of the loss. Of a factor L the lower triangle is written, and zeros above it.
-template <class Real>
-struct JacobianBatchCotangentView {
-  Real* J = nullptr;       ///< by the stored entries        (count * entry_count)
-  Real* M = nullptr;       ///< by M, or by its factor        (count * mass_count)
-  Real* v_free = nullptr;  ///< by v_free                     (count * dof_count)
-  Real* target = nullptr;  ///< by target                     (count * row_count)
-  Real* R = nullptr;       ///< by R                          (count * row_count)
-  Real* mu = nullptr;      ///< by the friction of each row   (count * row_count)
-  Real* lo = nullptr;      ///< by lower bounds               (count * row_count)
-  Real* hi = nullptr;      ///< by upper bounds               (count * row_count)
-};
-
-/// Changes of a Jacobian batch's numbers, in `count` sets that follow one another. Null: zeros. Shapes are those of
-/// JacobianBatchCotangentView. Of a change of M its symmetric part counts, of one of a factor the lower triangle.
-template <class Real>
-struct JacobianBatchTangentView {
-  const Real* J = nullptr;       ///< of the stored entries
-  const Real* M = nullptr;       ///< of M, or of its factor
-  const Real* v_free = nullptr;  ///< of v_free
-  const Real* target = nullptr;  ///< of target
-  const Real* R = nullptr;       ///< of R
-  const Real* mu = nullptr;      ///< of the friction of each row
-  const Real* lo = nullptr;      ///< of lower bounds
-  const Real* hi = nullptr;      ///< of upper bounds
-};
-
-/// Where changes of the solution of J and M go, set after set. Null: not wanted.
-template <class Real>
-struct JacobianSolutionTangentView {
-  Real* lambda = nullptr;    ///< of the reactions        (count * row_count)
-  Real* w = nullptr;         ///< of the residual motion  (count * row_count)
-  Real* velocity = nullptr;  ///< of v+                   (count * dof_count)
-};
+using JacobianBatchTangentView = JacobianBatchNumbers<const Real>;
 
 class DerivativeMachine;
 

@@ -65,6 +65,15 @@ struct JacobianEnvironment {
 template <class Real>
 class JacobianBatch {
  public:
+  /// The arrays of a batch on the host, shapes as in JacobianBatchView.
+  struct Arrays {
+    std::vector<Offset> env_row_offsets{0}, env_cone_offsets{0}, env_dof_offsets{0}, env_mass_offsets{0};
+    std::vector<ConeKind> cone_kind;
+    std::vector<Offset> cone_row_offsets{0}, row_offsets{0};
+    std::vector<Index> cone_group, column;  ///< either may be empty
+    std::vector<Real> J, M, v_free, target, R, mu, lo, hi;
+  };
+
   /// An empty batch; `mass_block` as in JacobianBatchView. \throws Error(invalid_argument) if it is below zero.
   explicit JacobianBatch(Law law = Law::convex, MassForm mass_form = MassForm::matrix, Index mass_block = 0);
 
@@ -75,22 +84,18 @@ class JacobianBatch {
   /// The batch as solvers read it, in host memory; valid while the batch lives and is not appended to.
   [[nodiscard]] JacobianBatchView<Real> view() const noexcept;
   /// Environments so far.
-  [[nodiscard]] Offset env_count() const noexcept { return static_cast<Offset>(env_row_offsets_.size()) - 1; }
+  [[nodiscard]] Offset env_count() const noexcept { return static_cast<Offset>(arrays_.env_row_offsets.size()) - 1; }
   /// Rows of all environments.
-  [[nodiscard]] Offset row_count() const noexcept { return env_row_offsets_.back(); }
+  [[nodiscard]] Offset row_count() const noexcept { return arrays_.env_row_offsets.back(); }
   /// Degrees of freedom of all environments.
-  [[nodiscard]] Offset dof_count() const noexcept { return env_dof_offsets_.back(); }
+  [[nodiscard]] Offset dof_count() const noexcept { return arrays_.env_dof_offsets.back(); }
 
  private:
   Law law_;
   MassForm mass_form_;
   Index mass_block_;
   bool has_columns_ = false;
-  std::vector<Offset> env_row_offsets_{0}, env_cone_offsets_{0}, env_dof_offsets_{0}, env_mass_offsets_{0};
-  std::vector<ConeKind> cone_kind_;
-  std::vector<Offset> cone_row_offsets_{0}, row_offsets_{0};
-  std::vector<Index> cone_group_, column_;
-  std::vector<Real> J_, M_, v_free_, target_, R_, mu_, lo_, hi_;
+  Arrays arrays_;
 };
 
 /// Most degrees of freedom of an environment that solver auto gives to Newton's method in velocities whatever it is

@@ -211,7 +211,7 @@ class Solver {
 
   /// A packed copy on the host of a batch wherever it is: what padded arrays leave unused is left out. Waits for what
   /// was queued on `stream`. \throws Error(invalid_argument) if the structure is broken, Error(unsupported) if the
-  /// normal comes last, or for factors or a shared mu in device memory.
+  /// normal comes last.
   template <class Real>
   [[nodiscard]] ContactBatch<Real> to_host(const ContactBatchView<Real>& batch,
                                            StreamRef stream = StreamRef::default_stream()) const;

@@ -6,7 +6,9 @@
 #include <utility>
 
 #include "core/base/fp_env.hpp"
+#include "core/runtime/batch/append_environment.hpp"
 #include "core/runtime/check/expect.hpp"
+#include "stiction/batch_arrays.hpp"
 
 namespace stiction {
 namespace {
@@ -31,24 +33,12 @@ void append_or_zeros(std::vector<Real>& to, const std::vector<Real>& from, std::
   }
 }
 
-template <class T>
-void append_range(std::vector<T>& to, const std::vector<T>& from, Offset begin, Offset end) {
-  to.insert(to.end(), from.begin() + begin, from.begin() + end);
-}
-
 /// Offsets of one environment, appended so that they go on from the last entry: entries (begin, end] of `from`.
 template <class T>
 void append_offsets(std::vector<Offset>& to, const std::vector<T>& from, Offset begin, Offset end) {
   const Offset shift = to.back() - static_cast<Offset>(from[static_cast<std::size_t>(begin)]);
   for (Offset i = begin + 1; i <= end; ++i)
     to.push_back(static_cast<Offset>(from[static_cast<std::size_t>(i)]) + shift);
-}
-
-template <class To, class From>
-std::vector<To> rounded(const std::vector<From>& values) {
-  std::vector<To> result(values.size());
-  std::transform(values.begin(), values.end(), result.begin(), [](From value) { return static_cast<To>(value); });
-  return result;
 }
 
 /// An environment's part [begin, end) of an array, as its offsets say. gather() copies batches that validate() has
@@ -208,27 +198,9 @@ ContactBatchView<Real> ContactBatch<Real>::view() const noexcept {
   view.cone_count = static_cast<Offset>(arrays_.cone_kind.size());
   view.row_count = static_cast<Offset>(arrays_.b.size());
   view.nonzero_count = static_cast<Offset>(arrays_.column.size());
-  view.env_row_offsets = arrays_.env_row_offsets.data();
-  view.env_cone_offsets = arrays_.env_cone_offsets.data();
-  view.env_flags = arrays_.env_flags.empty() ? nullptr : arrays_.env_flags.data();
-  view.env_tolerance = arrays_.env_tolerance.empty() ? nullptr : arrays_.env_tolerance.data();
-  view.env_max_iterations = arrays_.env_max_iterations.empty() ? nullptr : arrays_.env_max_iterations.data();
-  view.cone_kind = arrays_.cone_kind.data();
-  view.cone_row_offsets = arrays_.cone_row_offsets.data();
-  view.cone_group = arrays_.cone_group.empty() ? nullptr : arrays_.cone_group.data();
-  view.row_offsets = arrays_.row_offsets.data();
-  view.column = arrays_.column.data();
-  view.A = arrays_.A.data();
-  view.factor_offsets = arrays_.factor_offsets.empty() ? nullptr : arrays_.factor_offsets.data();
-  view.factor = arrays_.factor.data();
   view.factor_count = static_cast<Offset>(arrays_.factor.size());
-  view.b = arrays_.b.data();
-  view.R = arrays_.R.data();
-  view.mu = arrays_.mu.data();
-  view.lo = arrays_.lo.data();
-  view.hi = arrays_.hi.data();
+  for_each_held_array(view, PointAt{}, view, arrays_);
   view.law = law_;
-  view.space = MemorySpace::host;
   return view;
 }
 
@@ -237,30 +209,20 @@ ContactBatch<To> convert(const ContactBatch<From>& batch) {
   const ScopedFpEnv fp_env;
   const auto& from = batch.arrays();
   typename ContactBatch<To>::Arrays to;
-  to.env_row_offsets = from.env_row_offsets;
-  to.env_cone_offsets = from.env_cone_offsets;
-  to.cone_kind = from.cone_kind;
-  to.cone_row_offsets = from.cone_row_offsets;
-  to.cone_group = from.cone_group;
-  to.row_offsets = from.row_offsets;
-  to.column = from.column;
-  to.A = rounded<To>(from.A);
-  to.b = rounded<To>(from.b);
-  to.R = rounded<To>(from.R);
-  to.mu = rounded<To>(from.mu);
-  to.lo = rounded<To>(from.lo);
-  to.hi = rounded<To>(from.hi);
-  to.env_flags = from.env_flags;
-  to.env_tolerance = from.env_tolerance;
-  to.env_max_iterations = from.env_max_iterations;
-  to.factor_offsets = from.factor_offsets;
-  to.factor = rounded<To>(from.factor);
+  for_each_held_array(
+      batch.view(),
+      []<class T, class F>(const BatchArray&, std::vector<T>& target, const std::vector<F>& source) {
+        target.resize(source.size());
+        std::transform(source.begin(), source.end(), target.begin(), [](F value) { return static_cast<T>(value); });
+      },
+      to, from);
   return ContactBatch<To>::from_arrays(batch.law(), std::move(to));
 }
 
 template <class Real>
 ContactBatch<Real> gather(const ContactBatch<Real>& batch, std::span<const Offset> order) {
   const auto& from = batch.arrays();
+  const ContactBatchView<Real> view = batch.view();
   typename ContactBatch<Real>::Arrays to;
   to.env_row_offsets = to.env_cone_offsets = to.cone_row_offsets = to.row_offsets = {0};
   if (!from.factor_offsets.empty()) to.factor_offsets = {0};
@@ -272,7 +234,7 @@ ContactBatch<Real> gather(const ContactBatch<Real>& batch, std::span<const Offse
     }
     const Part rows = part_of(from.env_row_offsets, "env_row_offsets", env, env + 1, from.b.size());
     const Part cones = part_of(from.env_cone_offsets, "env_cone_offsets", env, env + 1, from.cone_kind.size());
-    const Part entries = part_of(from.row_offsets, "row_offsets", rows.begin, rows.end, from.column.size());
+    (void)part_of(from.row_offsets, "row_offsets", rows.begin, rows.end, from.column.size());
 
     // Offsets are shared by neighbours: one that is wrong here would be wrong for the next environment of `order`.
     const Part tiled = part_of(from.cone_row_offsets, "cone_row_offsets", cones.begin, cones.end, from.b.size());
@@ -282,28 +244,9 @@ ContactBatch<Real> gather(const ContactBatch<Real>& batch, std::span<const Offse
              "; fix cone_row_offsets (validate() lists every defect)");
     }
 
-    append_range(to.cone_kind, from.cone_kind, cones.begin, cones.end);
-    append_offsets(to.cone_row_offsets, from.cone_row_offsets, cones.begin, cones.end);
-    if (!from.cone_group.empty()) append_range(to.cone_group, from.cone_group, cones.begin, cones.end);
-    append_offsets(to.row_offsets, from.row_offsets, rows.begin, rows.end);
-    append_range(to.column, from.column, entries.begin, entries.end);
-    append_range(to.A, from.A, entries.begin, entries.end);
-    append_range(to.b, from.b, rows.begin, rows.end);
-    append_range(to.R, from.R, rows.begin, rows.end);
-    append_range(to.mu, from.mu, rows.begin, rows.end);
-    append_range(to.lo, from.lo, rows.begin, rows.end);
-    append_range(to.hi, from.hi, rows.begin, rows.end);
-    to.env_row_offsets.push_back(static_cast<Offset>(to.b.size()));
-    to.env_cone_offsets.push_back(static_cast<Offset>(to.cone_kind.size()));
-    if (!from.factor_offsets.empty()) {
-      const Part factor = part_of(from.factor_offsets, "factor_offsets", env, env + 1, from.factor.size());
-      append_range(to.factor, from.factor, factor.begin, factor.end);
-      to.factor_offsets.push_back(static_cast<Offset>(to.factor.size()));
-    }
-    const auto e = static_cast<std::size_t>(env);
-    if (!from.env_flags.empty()) to.env_flags.push_back(from.env_flags[e]);
-    if (!from.env_tolerance.empty()) to.env_tolerance.push_back(from.env_tolerance[e]);
-    if (!from.env_max_iterations.empty()) to.env_max_iterations.push_back(from.env_max_iterations[e]);
+    if (!from.factor_offsets.empty())
+      (void)part_of(from.factor_offsets, "factor_offsets", env, env + 1, from.factor.size());
+    append_environment(to, view, env);
   }
   return ContactBatch<Real>::from_arrays(batch.law(), std::move(to));
 }

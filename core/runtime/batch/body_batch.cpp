@@ -8,9 +8,8 @@
 
 #include "core/base/fp_env.hpp"
 #include "core/machine/body_machine.hpp"
-#include "core/runtime/batch/body_arrays.hpp"
 #include "core/runtime/check/defects.hpp"
-#include "stiction/bodies.hpp"
+#include "stiction/batch_arrays.hpp"
 #include "stiction/error.hpp"
 
 namespace stiction {
@@ -32,50 +31,37 @@ void BodyBatch<Real>::add(const BodyEnvironment<Real>& environment) {
       throw Error(ErrorCode::invalid_argument,
                   name("body_a", contact.body_a) + " equals body_b: a contact needs two bodies; leave it out");
   }
+  const auto append = [](auto& to, const auto& from) { to.insert(to.end(), from.begin(), from.end()); };
   for (const auto& body : environment.bodies) {
-    inv_mass_.push_back(body.inv_mass);
-    inv_inertia_.insert(inv_inertia_.end(), body.inv_inertia.begin(), body.inv_inertia.end());
-    twist_.insert(twist_.end(), body.twist.begin(), body.twist.end());
-    twist_change_.insert(twist_change_.end(), body.twist_change.begin(), body.twist_change.end());
-    kinematic_.push_back(body.kinematic ? 1 : 0);
+    arrays_.inv_mass.push_back(body.inv_mass);
+    append(arrays_.inv_inertia, body.inv_inertia);
+    append(arrays_.twist, body.twist);
+    append(arrays_.twist_change, body.twist_change);
+    arrays_.kinematic.push_back(body.kinematic ? 1 : 0);
   }
   for (const auto& contact : environment.contacts) {
-    body_a_.push_back(contact.body_a);
-    body_b_.push_back(contact.body_b);
-    arm_a_.insert(arm_a_.end(), contact.arm_a.begin(), contact.arm_a.end());
-    arm_b_.insert(arm_b_.end(), contact.arm_b.begin(), contact.arm_b.end());
-    normal_.insert(normal_.end(), contact.normal.begin(), contact.normal.end());
-    mu_.push_back(contact.mu);
-    depth_.push_back(contact.depth);
-    restitution_.push_back(contact.restitution);
-    contact_id_.push_back(contact.id);
+    arrays_.body_a.push_back(contact.body_a);
+    arrays_.body_b.push_back(contact.body_b);
+    append(arrays_.arm_a, contact.arm_a);
+    append(arrays_.arm_b, contact.arm_b);
+    append(arrays_.normal, contact.normal);
+    arrays_.mu.push_back(contact.mu);
+    arrays_.depth.push_back(contact.depth);
+    arrays_.restitution.push_back(contact.restitution);
+    arrays_.contact_id.push_back(contact.id);
   }
-  env_body_offsets_.push_back(static_cast<Offset>(inv_mass_.size()));
-  env_contact_offsets_.push_back(static_cast<Offset>(mu_.size()));
+  arrays_.env_body_offsets.push_back(static_cast<Offset>(arrays_.inv_mass.size()));
+  arrays_.env_contact_offsets.push_back(static_cast<Offset>(arrays_.mu.size()));
 }
 
 template <class Real>
-BodyBatchView<Real> BodyBatch<Real>::view() const noexcept {
+BodyBatchView<Real> BodyArrays<Real>::view() const noexcept {
   BodyBatchView<Real> view;
-  view.env_count = env_count();
-  view.body_count = body_count();
-  view.contact_count = contact_count();
-  view.env_body_offsets = env_body_offsets_.data();
-  view.env_contact_offsets = env_contact_offsets_.data();
-  view.inv_mass = inv_mass_.data();
-  view.inv_inertia = inv_inertia_.data();
-  view.twist = twist_.data();
-  view.twist_change = twist_change_.data();
-  view.kinematic = kinematic_.data();
-  view.body_a = body_a_.data();
-  view.body_b = body_b_.data();
-  view.arm_a = arm_a_.data();
-  view.arm_b = arm_b_.data();
-  view.normal = normal_.data();
-  view.mu = mu_.data();
-  view.depth = depth_.data();
-  view.restitution = restitution_.data();
-  view.contact_id = contact_id_.data();
+  view.env_count = static_cast<Offset>(env_body_offsets.size()) - 1;
+  view.body_count = env_body_offsets.back();
+  view.contact_count = env_contact_offsets.back();
+  for_each_array(view, PointAt{}, view, *this);
+  view.contact_id = contact_id.empty() ? nullptr : contact_id.data();
   return view;
 }
 
@@ -86,6 +72,13 @@ template <class Real>
 std::string entry(const char* array, Offset env, const char* what, Index index, Real value) {
   return std::string(array) + "[env " + std::to_string(env) + ", " + what + " " + std::to_string(index) +
          "] = " + shortest_text(value);
+}
+
+/// Which of the arrays that a plan reads is not there, or null.
+template <class Real>
+const char* missing_side(const BodyBatchView<Real>& batch) {
+  if (batch.contact_count == 0) return nullptr;
+  return batch.body_a == nullptr ? "body_a" : batch.body_b == nullptr ? "body_b" : nullptr;
 }
 
 /// How far a normal's squared length may be from 1: a scale of the impulses that does not show.
@@ -200,7 +193,9 @@ class BodyValidator {
     }
     bool sound = offsets("env_body_offsets", batch_.env_body_offsets, batch_.body_count, "bodies");
     sound = offsets("env_contact_offsets", batch_.env_contact_offsets, batch_.contact_count, "contacts") && sound;
-    if (const char* name = missing_array(batch_, with_numbers); name != nullptr) {
+    const char* name = missing_array(batch_);
+    if (!with_numbers) name = missing_side(batch_);
+    if (name != nullptr) {
       report_.add({-1, -1, -1, true, std::string(name) + " is null; point it to the batch's array"});
       sound = false;
     }
@@ -290,6 +285,8 @@ std::vector<Defect> validate_structure(const BodyBatchView<Real>& batch, std::si
   return BodyValidator<Real>(batch, limit).run_structure(parallel_for);
 }
 
+template struct BodyArrays<float>;
+template struct BodyArrays<double>;
 template class BodyBatch<float>;
 template class BodyBatch<double>;
 template std::vector<Defect> validate(const BodyBatchView<float>&, std::size_t);

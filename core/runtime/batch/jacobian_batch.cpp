@@ -6,7 +6,7 @@
 #include "core/runtime/check/defects.hpp"
 #include "core/runtime/check/expect.hpp"
 #include "core/runtime/check/stored_columns.hpp"
-#include "stiction/jacobian.hpp"
+#include "stiction/batch_arrays.hpp"
 
 namespace stiction {
 
@@ -86,10 +86,6 @@ void check_parts(const char* name, const Offset* offsets, const Index* counts, O
              ", is not in 0.." + std::to_string(offsets[i + 1] - offsets[i]) + ", the room there");
 }
 
-void check_pointer(const char* name, const void* pointer, Offset length) {
-  if (length > 0 && pointer == nullptr) refuse(std::string(name) + " is null; point it to the batch's array");
-}
-
 }  // namespace
 
 template <class Real>
@@ -108,14 +104,8 @@ void check_structure(const JacobianBatchView<Real>& batch) {
   check_parts("cone_row_offsets", batch.cone_row_offsets, nullptr, batch.cone_count, batch.row_count, report);
   check_parts("row_offsets", batch.row_offsets, nullptr, batch.row_count, batch.entry_count, report);
   if (report.full()) refuse(report.take().front().message);
-  check_pointer("cone_kind", batch.cone_kind, batch.cone_count);
-  check_pointer("J", batch.J, batch.entry_count);
-  check_pointer("M", batch.M, batch.mass_count);
-  check_pointer("v_free", batch.v_free, batch.dof_count);
-  check_pointer("R", batch.R, batch.row_count);
-  check_pointer("mu", batch.mu, batch.row_count);
-  check_pointer("lo", batch.lo, batch.row_count);
-  check_pointer("hi", batch.hi, batch.row_count);
+  if (const char* name = missing_array(batch); name != nullptr)
+    refuse(std::string(name) + " is null; point it to the batch's array");
   for (Offset env = 0; env < batch.env_count; ++env) {
     const auto where = [env] { return "env " + std::to_string(env); };
     const Offset dofs = batch.env_dofs(env), block = block_rows(batch.mass_block, dofs);
@@ -159,70 +149,59 @@ void JacobianBatch<Real>::add(const JacobianEnvironment<Real>& environment) {
   const bool sparse = !environment.row_offsets.empty();
   const bool grouped =
       std::any_of(environment.cones.begin(), environment.cones.end(), [](const auto& cone) { return cone.group >= 0; });
-  if (grouped) cone_group_.resize(cone_kind_.size(), -1);
+  if (grouped) arrays_.cone_group.resize(arrays_.cone_kind.size(), -1);
   for (const auto& cone : environment.cones) {
-    cone_kind_.push_back(cone.kind);
-    cone_row_offsets_.push_back(cone_row_offsets_.back() + cone.row_count);
-    if (grouped || !cone_group_.empty()) cone_group_.push_back(cone.group);
+    arrays_.cone_kind.push_back(cone.kind);
+    arrays_.cone_row_offsets.push_back(arrays_.cone_row_offsets.back() + cone.row_count);
+    if (grouped || !arrays_.cone_group.empty()) arrays_.cone_group.push_back(cone.group);
   }
   if (sparse && !has_columns_) {
     // Rows so far are dense: their columns, which went without saying, are written down.
-    for (std::size_t row = 0; row + 1 < row_offsets_.size(); ++row)
-      for (Offset k = 0; k < row_offsets_[row + 1] - row_offsets_[row]; ++k) column_.push_back(static_cast<Index>(k));
+    for (std::size_t row = 0; row + 1 < arrays_.row_offsets.size(); ++row)
+      for (Offset k = 0; k < arrays_.row_offsets[row + 1] - arrays_.row_offsets[row]; ++k)
+        arrays_.column.push_back(static_cast<Index>(k));
     has_columns_ = true;
   }
   for (std::size_t row = 0; row < rows; ++row) {
     const auto count = sparse ? static_cast<Offset>(environment.row_offsets[row + 1] - environment.row_offsets[row])
                               : static_cast<Offset>(dofs);
-    row_offsets_.push_back(row_offsets_.back() + count);
-    for (Offset k = 0; has_columns_ && !sparse && k < count; ++k) column_.push_back(static_cast<Index>(k));
+    arrays_.row_offsets.push_back(arrays_.row_offsets.back() + count);
+    for (Offset k = 0; has_columns_ && !sparse && k < count; ++k) arrays_.column.push_back(static_cast<Index>(k));
   }
-  if (sparse) append(column_, environment.column);
-  append(J_, environment.J);
-  append(M_, environment.M);
-  append(v_free_, environment.v_free);
-  append_rows(target_, environment.target, rows);
-  append_rows(R_, environment.R, rows);
-  append_rows(mu_, environment.mu, rows);
-  append_rows(lo_, environment.lo, rows);
-  append_rows(hi_, environment.hi, rows);
-  env_row_offsets_.push_back(static_cast<Offset>(R_.size()));
-  env_cone_offsets_.push_back(static_cast<Offset>(cone_kind_.size()));
-  env_dof_offsets_.push_back(static_cast<Offset>(v_free_.size()));
-  env_mass_offsets_.push_back(static_cast<Offset>(M_.size()));
+  if (sparse) append(arrays_.column, environment.column);
+  append(arrays_.J, environment.J);
+  append(arrays_.M, environment.M);
+  append(arrays_.v_free, environment.v_free);
+  append_rows(arrays_.target, environment.target, rows);
+  append_rows(arrays_.R, environment.R, rows);
+  append_rows(arrays_.mu, environment.mu, rows);
+  append_rows(arrays_.lo, environment.lo, rows);
+  append_rows(arrays_.hi, environment.hi, rows);
+  arrays_.env_row_offsets.push_back(static_cast<Offset>(arrays_.R.size()));
+  arrays_.env_cone_offsets.push_back(static_cast<Offset>(arrays_.cone_kind.size()));
+  arrays_.env_dof_offsets.push_back(static_cast<Offset>(arrays_.v_free.size()));
+  arrays_.env_mass_offsets.push_back(static_cast<Offset>(arrays_.M.size()));
 }
 
 template <class Real>
 JacobianBatchView<Real> JacobianBatch<Real>::view() const noexcept {
   JacobianBatchView<Real> view;
   view.env_count = env_count();
-  view.cone_count = static_cast<Offset>(cone_kind_.size());
+  view.cone_count = static_cast<Offset>(arrays_.cone_kind.size());
   view.row_count = row_count();
   view.dof_count = dof_count();
-  view.entry_count = static_cast<Offset>(J_.size());
-  view.mass_count = static_cast<Offset>(M_.size());
-  view.env_row_offsets = env_row_offsets_.data();
-  view.env_cone_offsets = env_cone_offsets_.data();
-  view.env_dof_offsets = env_dof_offsets_.data();
-  view.env_mass_offsets = env_mass_offsets_.data();
-  view.cone_kind = cone_kind_.data();
-  view.cone_row_offsets = cone_row_offsets_.data();
-  view.cone_group = cone_group_.empty() ? nullptr : cone_group_.data();
-  view.row_offsets = row_offsets_.data();
-  view.column = has_columns_ ? column_.data() : nullptr;
-  view.J = J_.data();
-  view.M = M_.data();
-  view.v_free = v_free_.data();
-  view.target = target_.data();
-  view.R = R_.data();
-  view.mu = mu_.data();
-  view.lo = lo_.data();
-  view.hi = hi_.data();
+  view.entry_count = static_cast<Offset>(arrays_.J.size());
+  view.mass_count = static_cast<Offset>(arrays_.M.size());
+  for_each_held_array(view, PointAt{}, view, arrays_);
+  // Rows without entries have columns too: null would say that J is dense.
+  static constexpr Index kNoColumn = 0;
+  if (has_columns_ && arrays_.column.empty()) view.column = &kNoColumn;
   view.mass_form = mass_form_;
   view.mass_block = mass_block_;
   view.law = law_;
   return view;
 }
+
 template void check_structure(const JacobianBatchView<float>&);
 template void check_structure(const JacobianBatchView<double>&);
 template class JacobianBatch<float>;

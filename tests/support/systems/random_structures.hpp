@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "stiction/batch.hpp"
+#include "stiction/batch_arrays.hpp"
 
 /// Structures that no solver would be glad of: columns out of order and repeated, entries without their mirror, groups
 /// interrupted, environments without rows. Everything follows from the generator.
@@ -87,23 +87,17 @@ struct Integers {
   Integers() = default;
 
   [[nodiscard]] ContactBatchView<double> view() const {
-    const auto given = [](const auto& array) { return array.empty() ? nullptr : array.data(); };
     ContactBatchView<double> view;
     view.env_count = static_cast<Offset>(env_row_offsets.size()) - 1;
     view.cone_count = static_cast<Offset>(cone_kind.size());
     view.row_count = static_cast<Offset>(row_offsets.size()) - 1;
     view.nonzero_count = nonzeros;
-    view.env_row_offsets = env_row_offsets.data();
-    view.env_cone_offsets = env_cone_offsets.data();
-    view.env_row_counts = given(env_row_counts);
-    view.env_cone_counts = given(env_cone_counts);
-    view.cone_kind = cone_kind.data();
-    view.cone_row_offsets = cone_row_offsets.data();
-    view.cone_group = given(cone_group);
+    for_each_cone_array(view, PointAt{}, view, *this);
+    for_each_count_array(view, PointAt{}, view, *this);
     view.row_offsets = row_offsets.data();
-    view.row_counts = given(row_counts);
+    view.row_counts = row_counts.empty() ? nullptr : row_counts.data();
     view.column = column.data();
-    view.column_offsets = given(column_offsets);
+    view.column_offsets = column_offsets.empty() ? nullptr : column_offsets.data();
     view.column_count = static_cast<Offset>(column.size());
     return view;
   }

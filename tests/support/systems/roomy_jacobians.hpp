@@ -5,7 +5,7 @@
 #include <stdexcept>
 #include <vector>
 
-#include "stiction/jacobian.hpp"
+#include "stiction/batch_arrays.hpp"
 
 namespace stiction::test {
 
@@ -53,7 +53,7 @@ template <class Real>
 struct RoomyJacobians {
   std::vector<Offset> env_row_offsets, env_cone_offsets, env_dof_offsets, env_mass_offsets, cone_row_offsets,
       row_offsets;
-  std::vector<Index> env_row_counts, env_cone_counts, column;
+  std::vector<Index> env_row_counts, env_cone_counts, cone_group, column;
   std::vector<ConeKind> cone_kind;
   std::vector<Real> J, M, v_free, target, R, mu, lo, hi;
   bool padded, sparse;
@@ -86,19 +86,9 @@ struct RoomyJacobians {
       if (source.size() > own.size()) throw std::length_error("the test's arrays have no room for this batch");
       std::copy(source.begin(), source.end(), own.begin());
     };
-    put(env_row_offsets, other.env_row_offsets);
-    put(env_cone_offsets, other.env_cone_offsets);
-    put(env_dof_offsets, other.env_dof_offsets);
-    put(env_mass_offsets, other.env_mass_offsets);
-    put(env_row_counts, other.env_row_counts);
-    put(env_cone_counts, other.env_cone_counts);
-    put(cone_row_offsets, other.cone_row_offsets);
-    put(row_offsets, other.row_offsets);
-    put(cone_kind, other.cone_kind);
-    put(column, other.column);
-    for (auto member : {&RoomyJacobians::J, &RoomyJacobians::M, &RoomyJacobians::v_free, &RoomyJacobians::target,
-                        &RoomyJacobians::R, &RoomyJacobians::mu, &RoomyJacobians::lo, &RoomyJacobians::hi})
-      put(this->*member, other.*member);
+    const auto put_listed = [&put](const BatchArray&, auto& own, const auto& source) { put(own, source); };
+    for_each_held_array(batch, put_listed, *this, other);
+    for_each_count_array(batch, put_listed, *this, other);
   }
 
   /// The totals are the room of the arrays.
@@ -110,24 +100,9 @@ struct RoomyJacobians {
     view.dof_count = static_cast<Offset>(v_free.size());
     view.entry_count = static_cast<Offset>(J.size());
     view.mass_count = static_cast<Offset>(M.size());
-    view.env_row_offsets = env_row_offsets.data();
-    view.env_cone_offsets = env_cone_offsets.data();
-    view.env_dof_offsets = env_dof_offsets.data();
-    view.env_mass_offsets = env_mass_offsets.data();
-    view.env_row_counts = padded ? env_row_counts.data() : nullptr;
-    view.env_cone_counts = padded ? env_cone_counts.data() : nullptr;
-    view.cone_kind = cone_kind.data();
-    view.cone_row_offsets = cone_row_offsets.data();
-    view.row_offsets = row_offsets.data();
-    view.column = sparse ? column.data() : nullptr;
-    view.J = J.data();
-    view.M = M.data();
-    view.v_free = v_free.data();
-    view.target = target.data();
-    view.R = R.data();
-    view.mu = mu.data();
-    view.lo = lo.data();
-    view.hi = hi.data();
+    for_each_held_array(view, PointAt{}, view, *this);
+    if (padded) for_each_count_array(view, PointAt{}, view, *this);
+    if (!sparse) view.column = nullptr;
     view.mass_form = mass_form;
     view.mass_block = mass_block;
     view.law = law;

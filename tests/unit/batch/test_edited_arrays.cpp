@@ -4,6 +4,7 @@
 
 #include <limits>
 
+#include "stiction/batch_arrays.hpp"
 #include "stiction/bodies.hpp"
 #include "stiction/jacobian_solver.hpp"
 #include "tests/support/error_message.hpp"
@@ -29,18 +30,7 @@ class Edited : public testing::TestWithParam<Device> {
     view.cone_count = static_cast<Offset>(arrays.cone_kind.size());
     view.row_count = static_cast<Offset>(arrays.b.size());
     view.nonzero_count = static_cast<Offset>(arrays.A.size());
-    view.env_row_offsets = arrays.env_row_offsets.data();
-    view.env_cone_offsets = arrays.env_cone_offsets.data();
-    view.cone_kind = arrays.cone_kind.data();
-    view.cone_row_offsets = arrays.cone_row_offsets.data();
-    view.row_offsets = arrays.row_offsets.data();
-    view.column = arrays.column.data();
-    view.A = arrays.A.data();
-    view.b = arrays.b.data();
-    view.R = arrays.R.data();
-    view.mu = arrays.mu.data();
-    view.lo = arrays.lo.data();
-    view.hi = arrays.hi.data();
+    for_each_held_array(view, PointAt{}, view, arrays);
     return view;
   }
 
