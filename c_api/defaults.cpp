@@ -51,6 +51,7 @@ stiction_solver_options to_c(const SolverOptions& options) {
   c.invalid = number(options.invalid);
   c.islands = number(options.islands);
   c.direct_rows = options.direct_rows;
+  c.choose = number(options.choose);
   c.absolute_tolerance = options.absolute_tolerance;
   return c;
 }

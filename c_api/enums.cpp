@@ -109,6 +109,12 @@ IslandMode islands_of(const char* field, std::int32_t value) {
                                  STICTION_SAME(STICTION_ISLANDS_APART, IslandMode::apart)});
 }
 
+SolverChoice choice_of(const char* field, std::int32_t value) {
+  return checked_as<SolverChoice>(field, value,
+                                  {STICTION_SAME(STICTION_CHOICE_NAMED, SolverChoice::named),
+                                   STICTION_SAME(STICTION_CHOICE_SPECTRUM, SolverChoice::spectrum)});
+}
+
 MassForm mass_form_of(const char* field, std::int32_t value) {
   return checked_as<MassForm>(
       field, value,

@@ -25,6 +25,7 @@ std::optional<Law> law_or_batch(const char* field, std::int32_t value);
 SolverKind solver_of(const char* field, std::int32_t value);
 InvalidPolicy invalid_of(const char* field, std::int32_t value);
 IslandMode islands_of(const char* field, std::int32_t value);
+SolverChoice choice_of(const char* field, std::int32_t value);
 MassForm mass_form_of(const char* field, std::int32_t value);
 FactorUse factor_use_of(const char* field, std::int32_t value);
 BodyMethod body_method_of(const char* field, std::int32_t value);

@@ -82,6 +82,8 @@ SolverOptions to_cpp(const stiction_solver_options& options) {
   cpp.islands = islands_of("options.islands", options.islands);
   cpp.direct_rows = options.direct_rows;
   cpp.absolute_tolerance = options.absolute_tolerance;
+  cpp.choose = choice_of("options.choose", options.choose);
+  need_zero("options.reserved", options.reserved);
   return cpp;
 }
 

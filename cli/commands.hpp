@@ -51,6 +51,7 @@ struct SolveArguments {
   std::string law = "file";
   std::string form = "matrix";  ///< what is solved of the file: matrix (A), jacobian (J and M), or bodies (of J and M)
   std::string islands = "together";
+  std::string choose = "named";
   std::optional<double> tolerance;
   double absolute_tolerance = 0.0;
   std::optional<Index> max_iterations;

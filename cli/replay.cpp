@@ -29,6 +29,8 @@ SolverOptions options_of(const io::RecordedSolve& recorded, int threads) {
   options.stall_window = recorded.stall_window;
   options.islands = recorded.islands;
   options.direct_rows = recorded.direct_rows;
+  options.choose = recorded.choose;
+  options.spectrum = recorded.spectrum;
   options.threads = threads;
   // What was recorded because its numbers are broken was isolated then too, or it would not have been solved.
   options.invalid = InvalidPolicy::isolate;

@@ -137,7 +137,8 @@ std::string to_text(const SolveReport& report) {
   line("residual", quantile_text(report.residual));
   line("ended", codes_text(report));
   line("flags", flags_text(report));
-  if (report.solver == to_string(SolverKind::automatic)) line("answered by", answered_text(report));
+  if (report.solver == to_string(SolverKind::automatic) || report.options.choose == SolverChoice::spectrum)
+    line("answered by", answered_text(report));
   line("unconverged", fmt::format("{}", report.unconverged));
   line("hash", fmt::format("{} (numerics epoch {})", hex(report.hash), kNumericsEpoch));
   return text;

@@ -82,7 +82,7 @@ io::SolutionFile solution_file(const SolveReport& report, std::vector<double> la
   file.status = std::move(status);
   file.env_row_offsets = env_row_offsets;
   file.law = report.law;
-  file.solver = to_string(report.options.solver);
+  file.solver = report.solver;
   file.source = fmt::format("stiction {} solve {}", kVersion, report.file);
   file.shard = report.shard;
   return file;
@@ -205,6 +205,7 @@ int run_solve(const SolveArguments& arguments) {
   report.pyramid = arguments.pyramid;
   report.form = arguments.form;
   report.solver = is_bodies(arguments) ? arguments.solver.value_or("newton") : to_string(report.options.solver);
+  if (report.options.choose == SolverChoice::spectrum) report.solver = to_string(report.options.choose);
   if (report.form == "bodies" && report.solver == "newton")
     report.preconditioner = to_string(body_options(arguments, report.options, Law::convex).space.preconditioner);
   report.precision = precision_from_option(arguments.precision);

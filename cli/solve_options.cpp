@@ -33,6 +33,7 @@ SolverOptions solver_options(const SolveArguments& arguments) {
   options.omega = arguments.omega;
   options.direct_rows = arguments.direct_rows;
   options.islands = island_mode_from_string(arguments.islands);
+  options.choose = solver_choice_from_string(arguments.choose);
   options.threads = arguments.threads;
   options.invalid = arguments.isolate ? InvalidPolicy::isolate : InvalidPolicy::reject;
   return options;
@@ -79,6 +80,11 @@ void check_outputs(const SolveArguments& arguments) {
 
 /// Pyramids, recordings and curves are of A; islands and presets are not of bodies.
 void check_form(const SolveArguments& arguments) {
+  if (solver_choice_from_string(arguments.choose) == SolverChoice::spectrum &&
+      (arguments.solver || is_bodies(arguments)))
+    throw Error(ErrorCode::invalid_argument,
+                fmt::format("--choose spectrum and {} exclude one another: leave one of them out",
+                            arguments.solver ? "--solver" : "--form bodies"));
   if (arguments.preconditioner && !is_bodies(arguments))
     throw Error(ErrorCode::invalid_argument,
                 fmt::format("--preconditioner {} applies to bodies only: choose --form bodies --solver newton",

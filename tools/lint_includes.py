@@ -77,6 +77,9 @@ TABLE = [
     Row("core/plan", [PUBLIC, "core/base", "core/job", "core/plan"]),
     Row("core/machine", [PUBLIC, "core/base", "core/job", "core/plan", "core/machine"]),
     Row("core/graph", [PUBLIC, "core/graph", "core/base/fp_env.hpp"]),
+    # Extremes of a tridiagonal matrix, whichever matrix it comes from.
+    Row("core/runtime/analysis", [PUBLIC, "core/base", "core/job", "core/plan", "core/machine", "core/runtime",
+                                  "core/graph/tridiagonal.hpp"]),
     Row("core/runtime", [PUBLIC, "core/base", "core/job", "core/plan", "core/machine", "core/runtime"]),
     Row("core/facade", [PUBLIC, "core/base", "core/job", "core/plan", "core/machine", "core/runtime", "core/facade"]),
     # Checks of a hostile file before HDF5 reads it.

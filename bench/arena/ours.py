@@ -12,8 +12,9 @@ import processes
 from answer_file import Answer
 from machine import OLDER
 
-BOXED = {"auto", "npgs", "pgs", "subspace", "nsgs"}  # those that take boxed friction
-SOLVERS = ["auto", "npgs", "pgs", "subspace", "nsgs", "admm", "newton", "ipm", "lemke"]
+SPECTRUM = "by spectrum"  # the solver is chosen by condition and density, not named
+BOXED = {"auto", SPECTRUM, "npgs", "pgs", "subspace", "nsgs"}  # those that take boxed friction
+SOLVERS = ["auto", SPECTRUM, "npgs", "pgs", "subspace", "nsgs", "admm", "newton", "ipm", "lemke"]
 ITERATIONS = 10000
 TURNS, SHORT = 3, 0.1  # a solve shorter than that many seconds is done so many times more, and the shortest counts
 STARTING = 1.0  # [s] that a process may take beside the solve
@@ -59,7 +60,8 @@ class Stiction:
 
         def call(turns):
             """(exit status, stderr, seconds of the shortest turn)."""
-            command = [self.program, "solve", path, "--solver", self.solver, "--law", law, "--precision", "f64", "--form", self.form,
+            chosen = ["--choose", "spectrum"] if self.solver == SPECTRUM else ["--solver", self.solver]
+            command = [self.program, "solve", path, *chosen, "--law", law, "--precision", "f64", "--form", self.form,
                        "--tolerance", repr(setting), "--max-iterations", ITERATIONS, "--threads", threads, "--repeat", turns,
                        "--isolate", "--device", "cpu", "--quiet", "-o", solution, "--json", report]
             done = processes.run(processes.weighed(command, notes, limit + STARTING), limit + STARTING, environment)

@@ -65,6 +65,13 @@ typedef enum stiction_islands {
   STICTION_ISLANDS_TOGETHER = 0, /**< as one system */
   STICTION_ISLANDS_APART = 1     /**< each as an environment of its own would be */
 } stiction_islands;
+
+/** How the solver of an environment is found (docs/howto/spectrum.md). */
+typedef enum stiction_choice {
+  STICTION_CHOICE_NAMED = 0,   /**< by the field solver */
+  STICTION_CHOICE_SPECTRUM = 1 /**< by condition and density of its operator, then auto where that falls short */
+} stiction_choice;
+
 /** What the mass array of a Jacobian batch holds. */
 typedef enum stiction_mass_form {
   STICTION_MASS_MATRIX = 0, /**< M itself, symmetric positive definite */
@@ -207,6 +214,8 @@ typedef struct stiction_solver_options {
   int32_t islands;        /**< stiction_islands */
   int32_t direct_rows;    /**< rows of the largest environment that is factorised, 1024 to 32768; CPU only, not auto */
   double absolute_tolerance; /**< on the absolute residual; solved is where either holds [w] */
+  int32_t choose;            /**< stiction_choice */
+  int32_t reserved;          /**< zero */
 } stiction_solver_options;
 
 /** Room that a solver on a GPU takes when it is made; zero: as the batches need it. */

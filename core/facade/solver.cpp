@@ -6,8 +6,10 @@
 #include "core/base/extents.hpp"
 #include "core/base/fp_env.hpp"
 #include "core/facade/broken_columns.hpp"
+#include "core/facade/env_subset.hpp"
 #include "core/facade/host_copy.hpp"
 #include "core/facade/overlap.hpp"
+#include "core/facade/spectrum_classes.hpp"
 #include "core/machine/contact_machine.hpp"
 #include "core/plan/islands.hpp"
 #include "core/plan/plan.hpp"
@@ -106,8 +108,13 @@ Solver::Solver(Device device, const SolverOptions& options, const Capacity& capa
                                                  ": a device's memory is laid out for matrices of up to " +
                                                  std::to_string(SolverOptions{}.direct_rows) +
                                                  " rows; use Device::cpu(), or leave direct_rows as it is");
+  // Numbers are checked for all that auto may take.
+  if (options.choose == SolverChoice::spectrum) {
+    options_.solver = SolverKind::automatic;
+    kept_ = std::make_shared<KeptClasses>();
+  }
   machine_ = make_machine(device);
-  if (capacity.envs > 0) machine_->reserve(capacity, options.solver);
+  if (capacity.envs > 0) machine_->reserve(capacity, options_.solver);
 }
 Solver::~Solver() = default;
 Solver::Solver(Solver&&) noexcept = default;
@@ -181,34 +188,85 @@ void Solver::solve(const ContactBatchView<Real>& batch, const SolutionView<Real>
   dispatch(nullptr, batch, solution, warm_start, stream, full_rows.empty() ? nullptr : &full_rows);
 }
 
-/// Solves a batch that was checked: as it is, or every island by itself.
+/// Solves a batch that was checked: as a whole, or each environment by the solver that its spectrum calls for.
 template <class Real>
 void Solver::dispatch(const PlanData* plan, const ContactBatchView<Real>& batch, const SolutionView<Real>& solution,
                       const Real* warm_start, StreamRef stream, const std::vector<FullRows>* full_rows) const {
-  if (options_.islands == IslandMode::together) {
-    run(plan, batch, solution, warm_start, stream, full_rows);
+  if (options_.choose == SolverChoice::spectrum)
+    solve_by_spectrum(batch, solution, warm_start, stream);
+  else
+    solve_islands(options_, plan, batch, solution, warm_start, stream, full_rows);
+}
+
+/// Environments of a class are a batch of their own. What is not solved then is left to auto.
+template <class Real>
+void Solver::solve_by_spectrum(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution,
+                               const Real* warm_start, StreamRef stream) const {
+  std::optional<ScopedSpan> span(std::in_place, options_.tracer, "spectrum", nullptr, 0, batch.env_count);
+  const std::vector<SpectrumClass> found = kept_->of(batch, options_.spectrum, sharing(*machine_, options_));
+  span.reset();
+  SolverOptions options = options_;
+  std::vector<Offset> members;
+  for (int k = 0; k < kSpectrumClasses; ++k) {
+    const auto chosen = static_cast<SpectrumClass>(k);
+    members.clear();
+    for (Offset env = 0; env < batch.env_count; ++env)
+      if (found[static_cast<std::size_t>(env)] == chosen) members.push_back(env);
+    options.solver = options_.spectrum.solver_of(chosen);
+    options.islands = chosen == SpectrumClass::decomposed ? IslandMode::apart : options_.islands;
+    solve_members(options, batch, members, solution, warm_start, stream);
+  }
+  // All iterations are asked for where nothing is solved.
+  if (options_.tolerance == 0 && options_.absolute_tolerance == 0) return;
+  members.clear();
+  for (Offset env = 0; env < batch.env_count; ++env)
+    if (solution.status[env].code != EnvCode::solved) members.push_back(env);
+  options.solver = SolverKind::automatic;
+  options.islands = options_.islands;
+  solve_members<Real>(options, batch, members, solution, solution.lambda, stream);
+}
+
+/// Solves some environments.
+template <class Real>
+void Solver::solve_members(const SolverOptions& options, const ContactBatchView<Real>& batch,
+                           std::span<const Offset> members, const SolutionView<Real>& solution, const Real* warm_start,
+                           StreamRef stream) const {
+  if (members.empty()) return;
+  EnvSubset<Real> subset(batch, members, warm_start, solution.w != nullptr);
+  solve_islands<Real>(options, nullptr, subset.view(), subset.answer(), subset.warm_start(), stream, nullptr);
+  subset.write(solution);
+}
+
+/// Solves a batch as it is, or every island by itself.
+template <class Real>
+void Solver::solve_islands(const SolverOptions& options, const PlanData* plan, const ContactBatchView<Real>& batch,
+                           const SolutionView<Real>& solution, const Real* warm_start, StreamRef stream,
+                           const std::vector<FullRows>* full_rows) const {
+  if (options.islands == IslandMode::together) {
+    run(options, plan, batch, solution, warm_start, stream, full_rows);
     return;
   }
-  std::optional<ScopedSpan> span(std::in_place, options_.tracer, "split", nullptr, 0, batch.env_count);
+  std::optional<ScopedSpan> span(std::in_place, options.tracer, "split", nullptr, 0, batch.env_count);
   IslandSplit<Real> split(batch, warm_start, solution.w != nullptr);
   span.reset();
   if (!split.needed()) {
-    run(plan, batch, solution, warm_start, stream, full_rows);
+    run(options, plan, batch, solution, warm_start, stream, full_rows);
     return;
   }
-  run(nullptr, split.pieces(), split.answer(), split.warm_start(), stream, nullptr);
-  span.emplace(options_.tracer, "join", nullptr, 0, batch.env_count);
+  run<Real>(options, nullptr, split.pieces(), split.answer(), split.warm_start(), stream, nullptr);
+  span.emplace(options.tracer, "join", nullptr, 0, batch.env_count);
   split.join(solution);
 }
 
 /// What a machine is to solve goes to it. A device plans by itself where there is no plan.
 template <class Real>
-void Solver::run(const PlanData* plan, const ContactBatchView<Real>& batch, const SolutionView<Real>& solution,
-                 const Real* warm_start, StreamRef stream, const std::vector<FullRows>* full_rows) const {
+void Solver::run(const SolverOptions& options, const PlanData* plan, const ContactBatchView<Real>& batch,
+                 const SolutionView<Real>& solution, const Real* warm_start, StreamRef stream,
+                 const std::vector<FullRows>* full_rows) const {
   std::optional<PlanData> made;
   if (plan == nullptr && device_.kind == DeviceKind::cpu)
-    plan = &made.emplace(traced_plan(batch, sharing(*machine_, options_), options_.tracer));
-  machine_->solve(SolveRequest<Real>{plan, batch, solution, warm_start, options_.law.value_or(batch.law), options_,
+    plan = &made.emplace(traced_plan(batch, sharing(*machine_, options), options.tracer));
+  machine_->solve(SolveRequest<Real>{plan, batch, solution, warm_start, options.law.value_or(batch.law), options,
                                      stream, full_rows});
 }
 
@@ -278,6 +336,10 @@ void Solver::check_request(const ContactBatchView<Real>& batch, const SolutionVi
     throw Error(ErrorCode::unsupported,
                 "options.islands is apart and the batch is in device memory, but islands are taken apart on the host: "
                 "copy the batch with Solver::to_host, or solve with IslandMode::together");
+  if (options_.choose == SolverChoice::spectrum && batch.space == MemorySpace::cuda)
+    throw Error(ErrorCode::unsupported,
+                "options.choose is spectrum and the batch is in device memory, but spectra are estimated on the host: "
+                "copy the batch with Solver::to_host, or solve with solver auto");
 }
 
 template <class Real>

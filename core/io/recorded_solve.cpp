@@ -33,6 +33,42 @@ IslandMode read_islands(const InputFile& file) {
   }
 }
 
+SolverChoice read_choice(const InputFile& file) {
+  if (!file.has("solve/choose")) return SolverChoice::named;
+  const std::string name = file.strings("solve/choose", 1).front();
+  try {
+    return solver_choice_from_string(name);
+  } catch (const Error& error) {
+    file.refuse_dataset("solve/choose", std::string("names no choice: ") + error.what());
+  }
+}
+
+/// Thresholds and solvers of a choice by spectrum.
+constexpr std::size_t kThresholds = 5, kClassSolvers = kSpectrumClasses;
+
+SpectrumRules read_rules(const InputFile& file) {
+  SpectrumRules rules;
+  const std::vector<double> thresholds = file.reals("solve/spectrum", kThresholds);
+  const std::vector<std::string> solvers = file.strings("solve/spectrum_solvers", kClassSolvers);
+  rules.direct_condition = thresholds[1];
+  rules.preconditioned_condition = thresholds[3];
+  rules.sparse_density = thresholds[4];
+  const auto count = [&](double value) {
+    if (!(value >= 0 && value <= 2147483647.0) || value != static_cast<double>(static_cast<Index>(value)))
+      file.refuse_dataset("solve/spectrum", "has " + std::to_string(value) + ", expected a count there");
+    return static_cast<Index>(value);
+  };
+  rules.steps = count(thresholds[0]);
+  rules.direct_rows = count(thresholds[2]);
+  SolverKind* const to[] = {&rules.direct, &rules.preconditioned, &rules.decomposed, &rules.otherwise};
+  for (std::size_t k = 0; k < kClassSolvers; ++k) try {
+      *to[k] = solver_from_string(solvers[k]);
+    } catch (const Error& error) {
+      file.refuse_dataset("solve/spectrum_solvers", std::string("names no solver: ") + error.what());
+    }
+  return rules;
+}
+
 constexpr std::pair<RecordedForm, const char*> kForms[] = {{RecordedForm::jacobian, "jacobian"},
                                                            {RecordedForm::bodies, "bodies"}};
 
@@ -63,6 +99,8 @@ std::optional<RecordedSolve> read_recorded_solve(const InputFile& file, std::siz
   solve.max_iterations = read_index(file, "solve/max_iterations");
   solve.stall_window = read_index(file, "solve/stall_window");
   if (file.has("solve/direct_rows")) solve.direct_rows = read_index(file, "solve/direct_rows");
+  solve.choose = read_choice(file);
+  if (solve.choose == SolverChoice::spectrum) solve.spectrum = read_rules(file);
   solve.numerics_epoch = read_index(file, "solve/numerics_epoch");
   solve.left_out = file.integers<std::int64_t>("solve/left_out", 1).front();
   return solve;
@@ -95,6 +133,16 @@ void write_recorded_solve(OutputFile& file, const RecordedSolve& solve) {
   number("solve/max_iterations", std::int32_t{solve.max_iterations});
   number("solve/stall_window", std::int32_t{solve.stall_window});
   if (solve.direct_rows != RecordedSolve{}.direct_rows) number("solve/direct_rows", std::int32_t{solve.direct_rows});
+  if (solve.choose == SolverChoice::spectrum) {
+    const SpectrumRules& rules = solve.spectrum;
+    const double thresholds[kThresholds] = {static_cast<double>(rules.steps), rules.direct_condition,
+                                            static_cast<double>(rules.direct_rows), rules.preconditioned_condition,
+                                            rules.sparse_density};
+    file.strings("solve/choose", {to_string(solve.choose)});
+    file.array("solve/spectrum", std::span<const double>(thresholds));
+    file.strings("solve/spectrum_solvers", {to_string(rules.direct), to_string(rules.preconditioned),
+                                            to_string(rules.decomposed), to_string(rules.otherwise)});
+  }
   number("solve/numerics_epoch", std::int32_t{solve.numerics_epoch});
   number("solve/left_out", std::int64_t{solve.left_out});
 }

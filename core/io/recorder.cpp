@@ -141,7 +141,8 @@ void Recorder::require_same(const RecordedSolve& solve, Law law) const {
                     before.tolerance == solve.tolerance && before.absolute_tolerance == solve.absolute_tolerance &&
                     before.omega == solve.omega && before.max_iterations == solve.max_iterations &&
                     before.stall_window == solve.stall_window && before.direct_rows == solve.direct_rows &&
-                    before.islands == solve.islands && recording_.batch.law() == law;
+                    before.islands == solve.islands && before.choose == solve.choose &&
+                    before.spectrum == solve.spectrum && recording_.batch.law() == law;
   if (same) return;
   throw Error(ErrorCode::invalid_argument,
               "the solver's options, law, form or precision are not those that " + path_.string() +
@@ -185,6 +186,14 @@ RecordedSolve Recorder::describe(const SolverOptions& options, Precision precisi
   solve.stall_window = options.stall_window;
   solve.direct_rows = options.direct_rows;
   solve.islands = options.islands;
+  solve.choose = options.choose;
+  if (options.choose == SolverChoice::spectrum) {
+    if (options.spectrum.keep)
+      throw Error(ErrorCode::unsupported,
+                  "options.spectrum.keep is set, so that an answer depends on batches before it, which no file holds: "
+                  "record solves without it");
+    solve.spectrum = options.spectrum;
+  }
   solve.numerics_epoch = kNumericsEpoch;
   return solve;
 }

@@ -3,6 +3,8 @@
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
 
+#include <type_traits>
+
 #include "python/src/names.hpp"
 #include "stiction/trace.hpp"
 
@@ -12,9 +14,33 @@ namespace stiction::python {
 
 namespace {
 
+/// Rules by name, of types that the package has seen to; what is not there is the default.
+SpectrumRules rules_from(const nb::dict& given) {
+  SpectrumRules rules;
+  const auto take = [&]<class T>(const char* name, T& to) {
+    if (!given.contains(name)) return;
+    if constexpr (std::is_same_v<T, SolverKind>)
+      to = solver_from_string(nb::cast<std::string>(given[name]));
+    else
+      to = nb::cast<T>(given[name]);
+  };
+  take("steps", rules.steps);
+  take("direct_condition", rules.direct_condition);
+  take("direct_rows", rules.direct_rows);
+  take("preconditioned_condition", rules.preconditioned_condition);
+  take("sparse_density", rules.sparse_density);
+  take("keep", rules.keep);
+  take("direct", rules.direct);
+  take("preconditioned", rules.preconditioned);
+  take("decomposed", rules.decomposed);
+  take("otherwise", rules.otherwise);
+  return rules;
+}
+
 SolverOptions options_from(const std::string& solver, const std::optional<std::string>& law, double tolerance,
                            Index max_iterations, Index stall_window, double omega, int threads, bool isolate,
-                           const std::string& islands, Index direct_rows) {
+                           const std::string& islands, Index direct_rows, const std::string& choose,
+                           const nb::dict& spectrum) {
   SolverOptions options;
   options.solver = solver_from_string(solver);
   if (law) options.law = law_from(*law);
@@ -26,6 +52,8 @@ SolverOptions options_from(const std::string& solver, const std::optional<std::s
   options.invalid = isolate ? InvalidPolicy::isolate : InvalidPolicy::reject;
   options.islands = island_mode_from_string(islands);
   options.direct_rows = direct_rows;
+  options.choose = solver_choice_from_string(choose);
+  options.spectrum = rules_from(spectrum);
   return options;
 }
 
@@ -180,16 +208,17 @@ void bind_solver(nb::module_& module) {
           "__init__",
           [](SolverOptions* self, const std::string& solver, const std::optional<std::string>& law, double tolerance,
              Index max_iterations, Index stall_window, double omega, int threads, bool isolate,
-             const std::string& islands, Index direct_rows, Tracer* tracer, double absolute_tolerance) {
+             const std::string& islands, Index direct_rows, Tracer* tracer, double absolute_tolerance,
+             const std::string& choose, const nb::dict& spectrum) {
             new (self) SolverOptions(options_from(solver, law, tolerance, max_iterations, stall_window, omega, threads,
-                                                  isolate, islands, direct_rows));
+                                                  isolate, islands, direct_rows, choose, spectrum));
             self->tracer = tracer;
             self->absolute_tolerance = absolute_tolerance;
           },
           nb::arg("solver"), nb::arg("law").none(), nb::arg("tolerance"), nb::arg("max_iterations"),
           nb::arg("stall_window"), nb::arg("omega"), nb::arg("threads"), nb::arg("isolate"), nb::arg("islands"),
           nb::arg("direct_rows"), nb::arg("tracer").none(), nb::arg("absolute_tolerance") = 0.0,
-          nb::keep_alive<1, 12>());
+          nb::arg("choose") = "named", nb::arg("spectrum") = nb::dict(), nb::keep_alive<1, 12>());
   nb::class_<FormSolver>(module, "FormSolver", "Solvers of one device and one set of options, for every form.")
       .def(
           "__init__",

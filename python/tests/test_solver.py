@@ -230,3 +230,19 @@ def test_a_large_environment_is_factorised_where_that_is_asked_for():
     assert taken.solved.all() and (taken.lambda_ == 0).all()
     with pytest.raises(stiction.Error, match="direct_rows = 7: must be from 1024 to 32768"):
         stiction.Solver(solver="lemke", direct_rows=7)
+
+
+def test_solvers_are_chosen_by_the_spectrum():
+    rows = 6
+    operators = np.stack([np.eye(rows), np.diag(np.logspace(0, 4, rows)), np.ones((rows, rows)) + 0.01 * np.eye(rows)])
+    batch = stiction.Batch.from_delassus(operators, -np.ones((3, rows)), cones="unilateral")
+    rules = {"direct": "lemke", "preconditioned": "apgd", "otherwise": "ipm", "steps": 8.0}
+    solution = stiction.Solver(choose="spectrum", spectrum=rules, tolerance=1e-8).solve(batch)
+    assert solution.solved.all()
+    assert [stiction.SOLVERS[number] for number in solution.status["solver"]] == ["lemke", "ipm", "apgd"]
+    assert repr(stiction.Solver(choose="spectrum")).startswith("<stiction.Solver auto")
+    for wrong, message in (({"choose": "best"}, "named, spectrum"), ({"choose": "spectrum", "solver": "pgs"}, "solver: "),
+                           ({"spectrum": {"condition": 3}}, "direct_condition"), ({"spectrum": {"steps": 1}}, "steps = 1"),
+                           ({"spectrum": {"direct": "fast"}}, "fast")):
+        with pytest.raises((ValueError, stiction.Error), match=message):
+            stiction.Solver(**wrong)

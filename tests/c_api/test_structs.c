@@ -9,7 +9,7 @@ static void layouts(void) {
   STICTION_CHECK(sizeof(stiction_status) == 32 && offsetof(stiction_status, code) == 24);
   STICTION_CHECK(sizeof(stiction_warm_start_record) == 16 && sizeof(stiction_residual) == 16);
   STICTION_CHECK(sizeof(stiction_worst_contact) == 24);
-  STICTION_CHECK(sizeof(stiction_solver_options) == 64 && offsetof(stiction_solver_options, solver) == 24);
+  STICTION_CHECK(sizeof(stiction_solver_options) == 72 && offsetof(stiction_solver_options, solver) == 24);
   STICTION_CHECK(sizeof(stiction_capacity) == 64 && offsetof(stiction_capacity, precision) == 56);
   STICTION_CHECK(sizeof(stiction_warm_start_options) == 24);
   STICTION_CHECK(sizeof(stiction_batch_view) == 264 && offsetof(stiction_batch_view, hi) == 256);
@@ -41,7 +41,7 @@ static void defaults(void) {
   STICTION_CHECK(options.law == STICTION_LAW_OF_BATCH && options.tolerance == 1e-4 && options.omega == 1);
   STICTION_CHECK(options.max_iterations == 1000 && options.stall_window == 2000 && options.threads == 0);
   STICTION_CHECK(options.invalid == STICTION_INVALID_REJECT && options.islands == STICTION_ISLANDS_TOGETHER);
-  STICTION_CHECK(options.direct_rows == 1024);
+  STICTION_CHECK(options.direct_rows == 1024 && options.choose == STICTION_CHOICE_NAMED);
   STICTION_CHECK_OK(stiction_body_options_init(&bodies, sizeof bodies));
   STICTION_CHECK(STICTION_LAW_BOXED == 2);
   STICTION_CHECK(bodies.iterations == 50 && bodies.law == STICTION_LAW_COULOMB && bodies.momentum == 1);

@@ -51,6 +51,22 @@ TEST_F(Replay, IslandsSolvedApartAreReplayedApart) {
   EXPECT_EQ(run_stiction({"replay", file_}).status, 1) << "the mode is part of what is replayed";
 }
 
+TEST_F(Replay, AChoiceBySpectrumIsReplayedByItsRules) {
+  record({"--record-when", "always", "--choose", "spectrum", "--tolerance", "1e-6"});
+  EXPECT_EQ(run_stiction({"replay", file_}).status, 0);
+  io::Recording recording = io::read_batch(file_);
+  EXPECT_EQ(recording.solve->choose, SolverChoice::spectrum);
+  EXPECT_EQ(recording.solve->spectrum, SpectrumRules{});
+  SpectrumRules& rules = recording.solve->spectrum;
+  rules.direct = rules.preconditioned = rules.decomposed = rules.otherwise = SolverKind::jacobi;
+  rules.steps = 3;
+  io::write_batch(file_, recording);
+  EXPECT_EQ(io::read_batch(file_).solve->spectrum, rules);
+  EXPECT_EQ(run_stiction({"replay", file_}).status, 1) << "the rules are part of what is replayed";
+  EXPECT_EQ(run_stiction({"solve", batch_, "--choose", "spectrum", "--solver", "pgs"}).status, 2);
+  EXPECT_EQ(run_stiction({"solve", batch_, "--choose", "best"}).status, 2);
+}
+
 TEST_F(Replay, OnlyWhatFailedIsRecordedUnlessAskedFor) {
   EXPECT_EQ(record({}).status, 0);
   EXPECT_FALSE(std::filesystem::exists(file_));

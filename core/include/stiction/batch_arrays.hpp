@@ -73,6 +73,7 @@ template <class Real, class F, class... Numbers>
 void for_each_change_array(const ContactBatchView<Real>& batch, F&& f, Numbers&... each) {
   for_each_number_array(batch, batch.row_count, f, each...);
 }
+/// Calls f with cotangents or tangents of a Jacobian batch's numbers.
 template <class Real, class F, class... Numbers>
 void for_each_change_array(const JacobianBatchView<Real>& batch, F&& f, Numbers&... each) {
   f(BatchArray{"J", batch.entry_count}, each.J...);
@@ -172,6 +173,7 @@ const char* missing_array(const Batch& batch) {
 /// Points a view's array at a vector: f of the lists above, for a view and a struct of vectors. An empty vector of what
 /// may be null leaves null.
 struct PointAt {
+  /// Points `to` at `from`.
   template <class T>
   void operator()(const BatchArray& what, const T*& to, const std::vector<T>& from) const {
     to = what.optional && from.empty() ? nullptr : from.data();

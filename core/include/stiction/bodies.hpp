@@ -80,12 +80,22 @@ struct BodyEnvironment {
 /// The arrays of a batch of bodies on the host, shapes as in BodyBatchView.
 template <class Real>
 struct BodyArrays {
-  std::vector<Offset> env_body_offsets{0}, env_contact_offsets{0};
-  std::vector<Real> inv_mass, inv_inertia, twist, twist_change;  ///< twist_change may be empty
-  std::vector<std::uint8_t> kinematic;                           ///< may be empty
-  std::vector<Index> body_a, body_b;
-  std::vector<Real> arm_a, arm_b, normal, mu, depth, restitution;
-  std::vector<std::uint64_t> contact_id;  ///< may be empty
+  std::vector<Offset> env_body_offsets{0};     ///< first body of each environment                   (env_count + 1)
+  std::vector<Offset> env_contact_offsets{0};  ///< first contact of each environment                (env_count + 1)
+  std::vector<Real> inv_mass;                  ///< 1 / mass [1/kg]                                  (body_count)
+  std::vector<Real> inv_inertia;               ///< xx, xy, xz, yy, yz, zz [1/(kg m^2)]              (6 * body_count)
+  std::vector<Real> twist;                     ///< at the beginning of the step [m/s], [rad/s]      (6 * body_count)
+  std::vector<Real> twist_change;              ///< by all forces but contact, or empty              (6 * body_count)
+  std::vector<std::uint8_t> kinematic;         ///< nonzero: moves whatever pushes it, or empty      (body_count)
+  std::vector<Index> body_a;                   ///< -1: the world                                    (contact_count)
+  std::vector<Index> body_b;                   ///< -1: the world                                    (contact_count)
+  std::vector<Real> arm_a;                     ///< contact point from a's centre of mass [m]        (3 * contact_count)
+  std::vector<Real> arm_b;                     ///< contact point from b's centre of mass [m]        (3 * contact_count)
+  std::vector<Real> normal;                    ///< unit vector from a to b                          (3 * contact_count)
+  std::vector<Real> mu;                        ///< friction [-]                                     (contact_count)
+  std::vector<Real> depth;                     ///< penetration [m]                                  (contact_count)
+  std::vector<Real> restitution;               ///< Newton's [-]                                     (contact_count)
+  std::vector<std::uint64_t> contact_id;       ///< the caller's names, or empty                     (contact_count)
 
   /// The batch as BodySolver reads it; valid while no array grows.
   [[nodiscard]] BodyBatchView<Real> view() const noexcept;

@@ -74,8 +74,10 @@ struct SolutionNumbers {
   Number* lambda = nullptr;  ///< of the reactions        (count * row_count)
   Number* w = nullptr;       ///< of the residual motion  (count * row_count)
 };
+/// Derivatives of losses by a solution.
 template <class Real>
 using SolutionCotangentView = SolutionNumbers<const Real>;
+/// Changes of a solution.
 template <class Real>
 using SolutionTangentView = SolutionNumbers<Real>;
 
@@ -86,8 +88,10 @@ struct JacobianSolutionNumbers {
   Number* w = nullptr;         ///< of the residual motion  (count * row_count)
   Number* velocity = nullptr;  ///< of v+                   (count * dof_count)
 };
+/// Derivatives of losses by a solution of J and M.
 template <class Real>
 using JacobianSolutionCotangentView = JacobianSolutionNumbers<const Real>;
+/// Changes of a solution of J and M.
 template <class Real>
 using JacobianSolutionTangentView = JacobianSolutionNumbers<Real>;
 
@@ -115,8 +119,10 @@ struct BatchNumbers {
   Number* lo = nullptr;      ///< of lower bounds; 0 where they do not hold       (count * row_count)
   Number* hi = nullptr;      ///< of upper bounds                                 (count * row_count)
 };
+/// Derivatives of losses by a batch's numbers.
 template <class Real>
 using BatchCotangentView = BatchNumbers<Real>;
+/// Changes of a batch's numbers.
 template <class Real>
 using BatchTangentView = BatchNumbers<const Real>;
 
@@ -134,8 +140,10 @@ struct JacobianBatchNumbers {
   Number* lo = nullptr;      ///< of lower bounds              (count * row_count)
   Number* hi = nullptr;      ///< of upper bounds              (count * row_count)
 };
+/// Derivatives of losses by a Jacobian batch's numbers.
 template <class Real>
 using JacobianBatchCotangentView = JacobianBatchNumbers<Real>;
+/// Changes of a Jacobian batch's numbers.
 template <class Real>
 using JacobianBatchTangentView = JacobianBatchNumbers<const Real>;
 

@@ -65,13 +65,19 @@ struct JacobianEnvironment {
 template <class Real>
 class JacobianBatch {
  public:
-  /// The arrays of a batch on the host, shapes as in JacobianBatchView.
+  /// The batch as flat arrays, shapes as in JacobianBatchView.
   struct Arrays {
-    std::vector<Offset> env_row_offsets{0}, env_cone_offsets{0}, env_dof_offsets{0}, env_mass_offsets{0};
-    std::vector<ConeKind> cone_kind;
-    std::vector<Offset> cone_row_offsets{0}, row_offsets{0};
-    std::vector<Index> cone_group, column;  ///< either may be empty
-    std::vector<Real> J, M, v_free, target, R, mu, lo, hi;
+    std::vector<Offset> env_row_offsets{0};   ///< first row of each environment               (env_count + 1)
+    std::vector<Offset> env_cone_offsets{0};  ///< first cone of each environment              (env_count + 1)
+    std::vector<Offset> env_dof_offsets{0};   ///< first degree of freedom of each environment (env_count + 1)
+    std::vector<Offset> env_mass_offsets{0};  ///< first entry of M of each environment        (env_count + 1)
+    std::vector<ConeKind> cone_kind;          ///< kind of each cone                           (cone_count)
+    std::vector<Offset> cone_row_offsets{0};  ///< first row of each cone                      (cone_count + 1)
+    std::vector<Index> cone_group;            ///< manifold of each cone, or empty             (cone_count)
+    std::vector<Offset> row_offsets{0};       ///< first entry of J of each row                (row_count + 1)
+    std::vector<Index> column;                ///< of each entry of J, or empty: J is dense    (entry_count)
+    std::vector<Real> J, M, v_free;           ///< numbers of J, of M and of degrees of freedom
+    std::vector<Real> target, R, mu, lo, hi;  ///< numbers of the rows                         (row_count)
   };
 
   /// An empty batch; `mass_block` as in JacobianBatchView. \throws Error(invalid_argument) if it is below zero.
@@ -89,6 +95,8 @@ class JacobianBatch {
   [[nodiscard]] Offset row_count() const noexcept { return arrays_.env_row_offsets.back(); }
   /// Degrees of freedom of all environments.
   [[nodiscard]] Offset dof_count() const noexcept { return arrays_.env_dof_offsets.back(); }
+  /// The arrays themselves.
+  [[nodiscard]] const Arrays& arrays() const noexcept { return arrays_; }
 
  private:
   Law law_;

@@ -32,7 +32,8 @@ struct JacobianCapacity {
 /// Whether a solve of J and M with these options begins with Newton's method in velocities, which takes M as a matrix
 /// (docs/math/auto.md). Islands apart are solved as separate environments, by what takes A.
 [[nodiscard]] inline bool takes_newton(const SolverOptions& options) noexcept {
-  return options.solver == SolverKind::automatic && options.islands == IslandMode::together;
+  return options.solver == SolverKind::automatic && options.islands == IslandMode::together &&
+         options.choose == SolverChoice::named;
 }
 
 /// Where a JacobianSolver writes; same memory space as the batch. Reactions and motion lie where the batch has the row,

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "stiction/batch.hpp"
+#include "stiction/spectrum.hpp"
 #include "stiction/status.hpp"
 
 namespace stiction {
@@ -87,8 +88,11 @@ class Tracer;
 
 /// What a Solver is told when it is made.
 struct SolverOptions {
-  SolverKind solver = SolverKind::npgs;  ///< which solver
-  std::optional<Law> law;                ///< overrides the batch's law
+  SolverKind solver = SolverKind::npgs;       ///< which solver
+  SolverChoice choose = SolverChoice::named;  ///< spectrum: of each environment by its operator, in place of `solver`;
+                                              ///< batches in host memory only (docs/howto/spectrum.md)
+  SpectrumRules spectrum;                     ///< thresholds of that
+  std::optional<Law> law;                     ///< overrides the batch's law
   double tolerance = 1e-4;          ///< on the relative residual (docs/math/residual.md); 0: run all iterations [-]
   Index max_iterations = 1000;      ///< per environment, >= 0
   Index stall_window = 2000;        ///< stop after that many iterations without a better residual; 0: never
@@ -146,6 +150,7 @@ class Plan {
 };
 
 class ContactMachine;
+class KeptClasses;
 enum class FullRows : std::uint8_t;
 
 /// Solves batches on one device.
@@ -239,13 +244,25 @@ class Solver {
   void dispatch(const PlanData* plan, const ContactBatchView<Real>& batch, const SolutionView<Real>& solution,
                 const Real* warm_start, StreamRef stream, const std::vector<FullRows>* full_rows) const;
   template <class Real>
-  void run(const PlanData* plan, const ContactBatchView<Real>& batch, const SolutionView<Real>& solution,
-           const Real* warm_start, StreamRef stream, const std::vector<FullRows>* full_rows) const;
+  void solve_by_spectrum(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution,
+                         const Real* warm_start, StreamRef stream) const;
+  template <class Real>
+  void solve_members(const SolverOptions& options, const ContactBatchView<Real>& batch, std::span<const Offset> members,
+                     const SolutionView<Real>& solution, const Real* warm_start, StreamRef stream) const;
+  template <class Real>
+  void solve_islands(const SolverOptions& options, const PlanData* plan, const ContactBatchView<Real>& batch,
+                     const SolutionView<Real>& solution, const Real* warm_start, StreamRef stream,
+                     const std::vector<FullRows>* full_rows) const;
+  template <class Real>
+  void run(const SolverOptions& options, const PlanData* plan, const ContactBatchView<Real>& batch,
+           const SolutionView<Real>& solution, const Real* warm_start, StreamRef stream,
+           const std::vector<FullRows>* full_rows) const;
   void copy_to_host(void* target, const void* source, std::size_t bytes, MemorySpace space, StreamRef stream) const;
 
   Device device_;
   SolverOptions options_;
   std::shared_ptr<ContactMachine> machine_;
+  std::shared_ptr<KeptClasses> kept_;
 };
 
 /// Host solution with owned memory.

@@ -1,11 +1,36 @@
 #include <cmath>
 #include <string>
+#include <utility>
 
 #include "core/job/workspace.hpp"
 #include "core/runtime/check/check_options.hpp"
 #include "stiction/error.hpp"
 
 namespace stiction {
+
+namespace {
+
+void check_rules(const SpectrumRules& rules) {
+  const auto fail = [](const std::string& message) { throw Error(ErrorCode::invalid_argument, message); };
+  if (rules.steps < 2 || rules.steps > 1000)
+    fail("spectrum.steps = " + std::to_string(rules.steps) + ": must be from 2 to 1000");
+  if (rules.direct_rows < 0)
+    fail("spectrum.direct_rows = " + std::to_string(rules.direct_rows) + ": must be >= 0 (0: none is solved directly)");
+  for (const auto& [name, value] : {std::pair("direct_condition", rules.direct_condition),
+                                    {"preconditioned_condition", rules.preconditioned_condition},
+                                    {"sparse_density", rules.sparse_density}})
+    if (!(value >= 0))
+      fail("spectrum." + std::string(name) + " = " + std::to_string(value) + ": must be >= 0 (0: no environment)");
+  for (const auto& [name, solver] : {std::pair("direct", rules.direct),
+                                     {"preconditioned", rules.preconditioned},
+                                     {"decomposed", rules.decomposed},
+                                     {"otherwise", rules.otherwise}})
+    if (solver == SolverKind::multigrid || solver == SolverKind::velocity_newton)
+      fail("spectrum." + std::string(name) + " = " + to_string(solver) +
+           ": does not work on contact batches; name one that does, or auto");
+}
+
+}  // namespace
 
 void check_options(const SolverOptions& options) {
   const auto fail = [](const std::string& message) { throw Error(ErrorCode::invalid_argument, message); };
@@ -31,6 +56,10 @@ void check_options(const SolverOptions& options) {
   if (options.direct_rows != kDirectRows && options.solver == SolverKind::automatic)
     fail("direct_rows = " + std::to_string(options.direct_rows) + ": solver auto chooses for matrices of up to " +
          std::to_string(kDirectRows) + " rows; name a solver, or leave direct_rows as it is");
+  check_rules(options.spectrum);
+  if (options.choose != SolverChoice::named && options.choose != SolverChoice::spectrum)
+    fail("choose = " + std::to_string(static_cast<int>(options.choose)) +
+         ": no such choice; use SolverChoice::named or spectrum");
   if (options.islands != IslandMode::together && options.islands != IslandMode::apart)
     fail("islands = " + std::to_string(static_cast<int>(options.islands)) +
          ": no such mode; use IslandMode::together or apart");

@@ -22,12 +22,27 @@ _COUNTS = ("envs", "rows", "cones", "nonzeros", "env_rows", "env_nonzeros", "env
 _SWITCHES = ("wide", "semidefinite")
 
 
+#: What rules of a choice by spectrum hold (docs/howto/spectrum.md).
+_RULES = {"steps": whole, "direct_condition": number, "direct_rows": whole, "preconditioned_condition": number,
+          "sparse_density": number, "keep": lambda name, value: bool(value), "direct": word, "preconditioned": word,
+          "decomposed": word, "otherwise": word}
+
+
+def _rules(spectrum):
+    """A dict of rules, checked."""
+    rules = dict(spectrum or {})
+    for name in rules:
+        if name not in _RULES:
+            raise ValueError(f"spectrum: expected rules of {', '.join(_RULES)}, got {name!r}")
+    return {name: _RULES[name](f"spectrum[{name!r}]", value) for name, value in rules.items()}
+
+
 class SolverBase:
     """What every solver has: options, statistics, a device and what is queued on it."""
 
     def __init__(self, solver=None, law=None, tolerance=None, max_iterations=None, threads=0, *, preset=None,
                  invalid="isolate", omega=1.0, stall_window=2000, islands="together", direct_rows=1024, callback=None,
-                 record_failures=None, trace=False, absolute_tolerance=0.0):
+                 record_failures=None, trace=False, absolute_tolerance=0.0, choose="named", spectrum=None):
         if invalid not in ("isolate", "reject"):
             raise ValueError(f"invalid: expected 'isolate' or 'reject', got {invalid!r}")
         chosen = {"solver": "auto", "tolerance": 1e-4, "max_iterations": 1000}
@@ -46,7 +61,12 @@ class SolverBase:
                                       whole("stall_window", stall_window), number("omega", omega),
                                       whole("threads", threads), invalid == "isolate", word("islands", islands),
                                       whole("direct_rows", direct_rows), self._tracer,
-                                      number("absolute_tolerance", absolute_tolerance))
+                                      number("absolute_tolerance", absolute_tolerance), word("choose", choose),
+                                      _rules(spectrum))
+        if choose != "named":
+            if solver is not None:
+                raise ValueError(f"solver: expected None beside choose={choose!r}, got {solver!r}")
+            self.solver = "auto"
         self._statistics = Statistics(self, callback, record_failures)
         self._in_flight = []  # what a device has yet to read and write
 
@@ -144,6 +164,8 @@ class Solver(SolverBase):
         "reject": stiction.Error names the first defect.
     omega: relaxation of sweeps, 0 < omega < 2. stall_window: iterations without progress before it stops, 0: never.
     islands: "together" or "apart" (docs/howto/islands.md).
+    choose: "spectrum" takes a solver for each environment by condition and density of its operator, of batches on the
+        host (docs/howto/spectrum.md). What falls short goes to "auto". spectrum: a dict of rules: thresholds and solvers.
     direct_rows: rows of the largest environment that admm, newton, ipm and lemke take a matrix for, 1024 to 32768. It
         is for the CPU only, and not with "auto".
     capacity: dict of room to take at once on a GPU: envs, rows, cones, nonzeros, env_rows, env_nonzeros, env_dofs.

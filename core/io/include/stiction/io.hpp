@@ -37,6 +37,8 @@ struct RecordedSolve {
   IslandMode islands = IslandMode::together;
   Index max_iterations = 0, stall_window = 0;
   Index direct_rows = SolverOptions{}.direct_rows;
+  SolverChoice choose = SolverChoice::named;
+  SpectrumRules spectrum;          ///< read where choose is spectrum; keep is false
   int numerics_epoch = 0;          ///< bits are promised within one epoch
   std::vector<double> warm_start;  ///< empty: from zero                          (rows)
   std::vector<double> lambda;      ///< the answer                                (rows)
