@@ -32,7 +32,6 @@ import stiction.mujoco
 
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 WARM_UP = 0.6  # seconds of simulation before anything is measured
-CHUNK = 16  # of mujoco_simulations.cpp
 
 
 def at_states(model, simulation, states):
@@ -72,8 +71,9 @@ class Bench:
         options = {"tolerance": tolerance, "threads": 1}
         self.ours = stiction.mujoco.BatchedSimulation(model, envs, **options)
         self.data = list(self.ours.data)
-        self.chunks = [stiction.mujoco.BatchedSimulation(model, self.data[i:i + CHUNK], **options)
-                       for i in range(0, envs, CHUNK)]
+        size = self.ours._core.chunk_size()
+        self.chunks = [stiction.mujoco.BatchedSimulation(model, self.data[i:i + size], **options)
+                       for i in range(0, envs, size)]
         self.controls = [models.noise(model, rng, envs) for _ in range(steps)]
         self.states = [first_states(model, envs, rng)]
         for ctrl in self.controls:

@@ -26,6 +26,7 @@ struct MujocoLayout {
   std::size_t contact_bytes, contact_dim, contact_friction, contact_geom;
   // the model
   Index nq, nv, nu;
+  std::size_t simulation_bytes;                 ///< of a simulation's arrays, what constraints add apart
   bool sparse;                                  ///< whether efc_J is CSR
   std::vector<Index> mass_rownnz, mass_colind;  ///< pattern of M's lower triangle and of qLD, by rows
   std::vector<std::int32_t> row_kind;           ///< by efc_type: a ConeKind, or kPyramid

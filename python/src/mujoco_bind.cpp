@@ -47,6 +47,7 @@ MujocoLayout layout_from(const nb::dict& fields) {
   take("efc_J_rowadr", layout.efc_J_rowadr);
   take("efc_J_colind", layout.efc_J_colind);
   take("contact", layout.contact);
+  take("simulation_bytes", layout.simulation_bytes);
   take("contact_bytes", layout.contact_bytes);
   take("contact_dim", layout.contact_dim);
   take("contact_friction", layout.contact_friction);
@@ -210,6 +211,7 @@ void bind_mujoco(nb::module_& module) {
       .def("reset_warm_start", &MujocoSimulations::reset_warm_start, nb::arg("simulations"), Unlocked())
       .def("starts_from_accelerations", &MujocoSimulations::starts_from_accelerations)
       .def("has_factors", &MujocoSimulations::has_factors)
+      .def("chunk_size", &MujocoSimulations::chunk_size)
       .def("status", [](const MujocoSimulations& self) { return bytes_of(unlocked([&] { return self.status(); })); })
       .def("take_records",
            [](MujocoSimulations& self) { return bytes_of(unlocked([&] { return self.take_records(); })); });

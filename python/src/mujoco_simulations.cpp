@@ -12,9 +12,15 @@ namespace stiction::python {
 
 namespace {
 
-/// Simulations of a chunk: two packs of lanes. What 16 robots touch in a step is about what a core's second cache
-/// holds; 64 took up to 1.4 times as long for each.
-constexpr std::size_t kChunk = 16;
+/// Bytes of the simulations of a chunk. What 16 humanoids touch in a step is about what a core's second cache holds; 64
+/// took up to 1.4 times as long for each. Smaller ones share packs with more of their kind.
+constexpr std::size_t kChunkBytes = std::size_t{1} << 19;
+constexpr std::size_t kPack = 16,
+                      kLargestChunk = 64;  ///< chunks are of so many simulations each, or of several times that
+
+std::size_t simulations_of_a_chunk(std::size_t bytes) {
+  return std::clamp(kChunkBytes / std::max(bytes, std::size_t{1}) / kPack * kPack, kPack, kLargestChunk);
+}
 
 /// Steps that a chunk takes before the next one begins, at most: all chunks are as far between them.
 constexpr int kSteps = 16;
@@ -42,7 +48,8 @@ MujocoSimulations::MujocoSimulations(MujocoLayout layout, MujocoFunctions functi
                                      const std::vector<void*>& data, const SolverOptions& options, double warm_start)
     : layout_(std::move(layout)), threads_(cpu::thread_count(options.threads)) {
   const auto threads = static_cast<std::size_t>(threads_);
-  chunk_size_ = std::clamp((data.size() + threads - 1) / threads, std::size_t{1}, kChunk);
+  chunk_size_ = std::clamp((data.size() + threads - 1) / threads, std::size_t{1},
+                           simulations_of_a_chunk(layout_.simulation_bytes));
   const std::size_t chunks = (data.size() + chunk_size_ - 1) / chunk_size_;
   SolverOptions own = options;
   if (chunks > 1) own.threads = 1;  // chunks are what threads share

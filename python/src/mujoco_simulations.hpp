@@ -52,6 +52,8 @@ class MujocoSimulations {
   void read(std::size_t offset, std::size_t width, double* to) const;
   void reset_warm_start(const std::vector<Offset>& simulations);
   [[nodiscard]] bool starts_from_accelerations() const { return chunks_.front()->starts_from_accelerations(); }
+  /// Simulations of a chunk, the last one's apart.
+  [[nodiscard]] std::size_t chunk_size() const { return chunk_size_; }
   [[nodiscard]] bool has_factors() const { return chunks_.front()->system().mass_form == MassForm::factor; }
 
   /// Rows of all simulations, and their answers, as the last solve had them. Masses and free accelerations of

@@ -167,7 +167,7 @@ def layout(model, data):
     found = {name: getattr(structure, name).offset for name in ("time", "nefc", "flg_rnepost") + POINTERS}
     found |= {"contact_bytes": ctypes.sizeof(contact), "contact_dim": contact.dim.offset,
               "contact_friction": contact.friction.offset, "contact_geom": contact.geom.offset,
-              "nq": model.nq, "nv": model.nv, "nu": model.nu, "sparse": bool(mujoco.mj_isSparse(model)),
+              "nq": model.nq, "nv": model.nv, "nu": model.nu, "simulation_bytes": data.nbuffer, "sparse": bool(mujoco.mj_isSparse(model)),
               "M_rownnz": np.asarray(model.M_rownnz).tolist(), "M_colind": np.asarray(model.M_colind).tolist(),
               "row_kind": ROW_KINDS, "rotations": _rotations(model), "timestep": float(model.opt.timestep)}
     return found
