@@ -100,11 +100,11 @@ static void wrong_sizes(void) {
     double appended;
   } later;
   STICTION_CHECK_FAILS(stiction_solver_options_init(&later.known, sizeof later), STICTION_INVALID_ARGUMENT,
-                       "options.size = 72", "later version");
+                       "options.size = 80", "later version");
   STICTION_CHECK_OK(stiction_solver_options_init(&options, sizeof options));
   options.size = sizeof later;
   STICTION_CHECK_FAILS(stiction_solver_create("cpu", &options, NULL, &solver), STICTION_INVALID_ARGUMENT,
-                       "options.size = 72", "later version");
+                       "options.size = 80", "later version");
   options.size = 0;
   STICTION_CHECK_FAILS(stiction_solver_create("cpu", &options, NULL, &solver), STICTION_INVALID_ARGUMENT,
                        "options.size = 0", "init function");
@@ -117,6 +117,10 @@ static void wrong_sizes(void) {
   options.direct_rows = 7;
   STICTION_CHECK_FAILS(stiction_solver_create("cpu", &options, NULL, &solver), STICTION_INVALID_ARGUMENT,
                        "direct_rows = 7", "must be from 1024 to 32768");
+  STICTION_CHECK_OK(stiction_solver_options_init(&options, sizeof options));
+  options.choose = 7;
+  STICTION_CHECK_FAILS(stiction_solver_create("cpu", &options, NULL, &solver), STICTION_INVALID_ARGUMENT,
+                       "options.choose = 7", "1");
   stiction_capacity capacity;
   STICTION_CHECK_OK(stiction_capacity_init(&capacity, sizeof capacity));
   capacity.semidefinite = 7;
