@@ -22,9 +22,15 @@ foreach(flags IN ITEMS "${CMAKE_CXX_FLAGS}" "${CMAKE_CXX_FLAGS_RELEASE}" "${CMAK
 endforeach()
 
 # stiction_keep_lines(target ...): which line each instruction came from, so that tools/check_fused.py can tell a fused
-# operation that fma_() asked for from one that a compiler made. Changes no instruction, and costs a kernel 4 to 7 % of its
-# compilation. So a build with tests takes the objects of one without. The lines are of /stiction, wherever the tree lies:
-# ccache may hand an object of one clone to another.
+# operation that fma_() asked for from one that a compiler made. Changes no instruction. The lines are of /stiction,
+# wherever the tree lies: ccache may hand an object of one clone to another.
+set(STICTION_KEEP_LINES AUTO CACHE STRING
+    "Keep the lines that instructions came from, which the gate of fused operations reads: ON, OFF, or AUTO, where tests are built")
+set_property(CACHE STICTION_KEEP_LINES PROPERTY STRINGS AUTO ON OFF)
+set(_stiction_keeps_lines ${STICTION_KEEP_LINES})
+if(STICTION_KEEP_LINES STREQUAL "AUTO")
+  set(_stiction_keeps_lines ${STICTION_BUILD_TESTS})
+endif()
 # The baseline of x86-64 has no fused operation: unless the whole build is for a newer processor, only sets with vectors
 # of their own have lines, and all else is one object with lines and without.
 set(_stiction_fuses_anywhere ON)
@@ -32,13 +38,13 @@ if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64" AND NOT "${CMAKE_CXX_FLAGS} ${C
   set(_stiction_fuses_anywhere OFF)
 endif()
 function(stiction_keep_lines)
-  if(NOT CMAKE_CXX_COMPILER_ID MATCHES "GNU|Clang")
+  if(NOT _stiction_keeps_lines OR NOT CMAKE_CXX_COMPILER_ID MATCHES "GNU|Clang")
     return()
   endif()
   foreach(target IN LISTS ARGN)
     get_target_property(options ${target} COMPILE_OPTIONS)
     if(_stiction_fuses_anywhere OR "-mfma" IN_LIST options)
-      target_compile_options(${target} PRIVATE $<$<NOT:$<CONFIG:Debug,RelWithDebInfo>>:-g1> "-fdebug-prefix-map=${PROJECT_SOURCE_DIR}=/stiction")
+      target_compile_options(${target} PRIVATE -g1 "-fdebug-prefix-map=${PROJECT_SOURCE_DIR}=/stiction")
     endif()
   endforeach()
 endfunction()

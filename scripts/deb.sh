@@ -70,7 +70,7 @@ mkdir -p "$work"
 say "deb: build"
 configure -DCMAKE_INSTALL_PREFIX=/usr -DCMAKE_SKIP_INSTALL_ALL_DEPENDENCY=ON -DSTICTION_CPU_KERNELS=all -DSTICTION_ENABLE_CUDA=OFF \
   -DSTICTION_ENABLE_MPI=OFF -DSTICTION_BUILD_PYTHON=OFF -DSTICTION_BUILD_TESTS=OFF -DSTICTION_BUILD_BENCH=OFF \
-  -DSTICTION_BUILD_EXAMPLES=OFF "$@"
+  -DSTICTION_BUILD_EXAMPLES=OFF -DSTICTION_KEEP_LINES=ON "$@"
 build_targets stiction_facade stiction_io stiction_c stiction_cli || { echo "0 passed, 1 failed, 0 skipped"; exit 1; }
 find "$build" -name '*.a' -exec strip --strip-debug {} +  # cpack strips programs and shared libraries alone
 rm -rf "$work/packages"

@@ -28,7 +28,7 @@ LOG_LINES = 20  # of a script that failed
 # What conda-forge's compilers set when an environment is activated, and a cache that knows the objects of other builds.
 # ccache counts another locale or option as another compile. rattler-build sets LC_ALL, and those builds stop at warnings.
 ACTIVATION = """
-export CC=/usr/bin/cc CXX=/usr/bin/c++ CMAKE_ARGS="-DSTICTION_WARNINGS_AS_ERRORS=ON"
+export CC=/usr/bin/cc CXX=/usr/bin/c++ CMAKE_ARGS="-DSTICTION_KEEP_LINES=ON -DSTICTION_WARNINGS_AS_ERRORS=ON"
 if command -v ccache > /dev/null; then
   unset LC_ALL
   export CMAKE_CXX_COMPILER_LAUNCHER=ccache CCACHE_DIR={cache} CCACHE_BASEDIR=$SRC_DIR CCACHE_NOHASHDIR=1
