@@ -6,6 +6,7 @@
 #include "stiction/stepping.hpp"
 #include "tests/support/error_message.hpp"
 #include "tests/support/systems/body_systems.hpp"
+#include "tests/support/systems/jacobian_systems.hpp"
 #include "tests/support/systems/random_systems.hpp"
 
 // What hostile callers hand over: arrays that are not there are refused by name, whatever InvalidPolicy says of the
@@ -80,6 +81,49 @@ TEST(NullArrays, OfABodyBatchAreRefusedUnderEveryPolicy) {
     view.depth = nullptr;
     EXPECT_THAT(error_message([&] { (void)solver.plan(view); }), StartsWith("depth is null"));
   }
+}
+
+TEST(NullArrays, OfStructureInDeviceMemoryAreRefused) {
+  ContactBatch<double> batch(Law::coulomb);
+  batch.add(random_contacts(Recipe{}));
+  std::vector<double> lambda(static_cast<std::size_t>(batch.row_count()));
+  EnvStatus status{};
+  const Solver solver(Device::emulated(), SolverOptions{});
+  ContactBatchView<double> view = batch.view();
+  view.space = MemorySpace::cuda;
+  view.cone_row_offsets = nullptr;
+  EXPECT_THAT(error_message([&] { solver.solve(view, {lambda.data(), nullptr, &status}); }),
+              StartsWith("cone_row_offsets is null"));
+}
+
+TEST(NullArrays, ColumnsOfASparseJWithoutEntriesAreNotNull) {
+  JacobianEnvironment<double> env;
+  env.cones = {{ConeKind::unilateral, 1, -1}};
+  env.row_offsets = {0, 0};
+  env.M = {1};
+  env.v_free = {-1};
+  JacobianBatch<double> batch;
+  batch.add(env);
+  EXPECT_NE(batch.view().column, nullptr) << "null says that J is dense";
+  EXPECT_EQ(velocities<double>(batch.view(), std::vector<double>{0}), std::vector<double>{-1});
+}
+
+TEST(CopiesToTheHost, HaveFactorsAndASharedMu) {
+  JacobianBatch<double> jacobians;
+  jacobians.add(random_jacobian({.contacts = 2, .others = 0}));
+  const ContactBatch<double> batch = assemble(jacobians.view(), FactorUse::always);
+  ASSERT_FALSE(batch.arrays().factor.empty());
+  const std::vector<double> mu{0.5, 0.25};
+  const std::vector<Offset> places{0, 0, 0, 1, 1, 1};
+  ContactBatchView<double> view = batch.view();
+  view.mu = mu.data();
+  view.mu_offsets = places.data();
+  view.mu_count = 2;
+  view.space = MemorySpace::cuda;
+  const ContactBatch<double> copy = Solver(Device::emulated(), SolverOptions{}).to_host(view);
+  EXPECT_EQ(copy.arrays().factor, batch.arrays().factor);
+  EXPECT_EQ(copy.arrays().factor_offsets, batch.arrays().factor_offsets);
+  EXPECT_EQ(copy.arrays().mu, (std::vector<double>{0.5, 0.5, 0.5, 0.25, 0.25, 0.25}));
 }
 
 // What a C program may put into a capacity: three times as many numbers must not wrap around.
