@@ -15,8 +15,7 @@ namespace stiction {
 template <class Real>
 class EnvSubset {
  public:
-  /// Copies the members out of a batch whose structure is sound. `warm_start` may be null, and be the very array that
-  /// answers are written to.
+  /// Copies the members out of a batch whose structure is sound. `warm_start` may be null, or where answers go.
   EnvSubset(const ContactBatchView<Real>& batch, std::span<const Offset> members, const Real* warm_start,
             bool with_motion)
       : batch_(batch), members_(members.begin(), members.end()) {
@@ -46,7 +45,7 @@ class EnvSubset {
     return {answer_.lambda.data(), answer_.w.empty() ? nullptr : answer_.w.data(), answer_.status.data()};
   }
 
-  /// Writes the members' answers. Rows of padded arrays that are not in use are not written.
+  /// Writes the members' answers where the batch has their rows in use.
   void write(const SolutionView<Real>& solution) const {
     const std::vector<Offset>& rows = own_.arrays().env_row_offsets;
     for (std::size_t k = 0; k < members_.size(); ++k) {

@@ -84,6 +84,18 @@ const char* solve_span(const ContactBatchView<Real>& batch) {
   return batch.space == MemorySpace::host ? "solve" : "queue";
 }
 
+/// Copies an answer. Rows of padded arrays that are not in use are the caller's.
+template <class Real>
+void write_used_rows(const ContactBatchView<Real>& batch, const SolutionView<Real>& from,
+                     const SolutionView<Real>& to) {
+  for (Offset env = 0; env < batch.env_count; ++env) {
+    const Offset row = batch.env_row_offsets[env];
+    std::copy_n(from.lambda + row, batch.env_rows(env), to.lambda + row);
+    if (to.w != nullptr) std::copy_n(from.w + row, batch.env_rows(env), to.w + row);
+    to.status[env] = from.status[env];
+  }
+}
+
 /// Work on a batch on the host, among the threads that its solve may use.
 ParallelFor sharing(ContactMachine& machine, const SolverOptions& options) {
   return [&machine, threads = options.threads](Offset count, const std::function<void(Offset, Offset)>& work) {
@@ -198,32 +210,38 @@ void Solver::dispatch(const PlanData* plan, const ContactBatchView<Real>& batch,
     solve_islands(options_, plan, batch, solution, warm_start, stream, full_rows);
 }
 
-/// Environments of a class are a batch of their own. What is not solved then is left to auto.
+/// Environments of a class are a batch of their own. What is not solved then is left to auto. Answers are written when
+/// all are there: a solve that throws has written none.
 template <class Real>
 void Solver::solve_by_spectrum(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution,
                                const Real* warm_start, StreamRef stream) const {
   std::optional<ScopedSpan> span(std::in_place, options_.tracer, "spectrum", nullptr, 0, batch.env_count);
   const std::vector<SpectrumClass> found = kept_->of(batch, options_.spectrum, sharing(*machine_, options_));
   span.reset();
+  const auto rows = static_cast<std::size_t>(batch.row_count), envs = static_cast<std::size_t>(batch.env_count);
+  Solution<Real> own{std::vector<Real>(rows), std::vector<Real>(solution.w != nullptr ? rows : 0),
+                     std::vector<EnvStatus>(envs)};
+  const SolutionView<Real> answer{own.lambda.data(), solution.w != nullptr ? own.w.data() : nullptr, own.status.data()};
   SolverOptions options = options_;
-  std::vector<Offset> members;
+  const auto solve_where = [&](const auto& is_member, const Real* start) {
+    std::vector<Offset> members;
+    for (Offset env = 0; env < batch.env_count; ++env)
+      if (is_member(static_cast<std::size_t>(env))) members.push_back(env);
+    solve_members(options, batch, members, answer, start, stream);
+  };
   for (int k = 0; k < kSpectrumClasses; ++k) {
     const auto chosen = static_cast<SpectrumClass>(k);
-    members.clear();
-    for (Offset env = 0; env < batch.env_count; ++env)
-      if (found[static_cast<std::size_t>(env)] == chosen) members.push_back(env);
     options.solver = options_.spectrum.solver_of(chosen);
     options.islands = chosen == SpectrumClass::decomposed ? IslandMode::apart : options_.islands;
-    solve_members(options, batch, members, solution, warm_start, stream);
+    solve_where([&](std::size_t env) { return found[env] == chosen; }, warm_start);
   }
-  // All iterations are asked for where nothing is solved.
-  if (options_.tolerance == 0 && options_.absolute_tolerance == 0) return;
-  members.clear();
-  for (Offset env = 0; env < batch.env_count; ++env)
-    if (solution.status[env].code != EnvCode::solved) members.push_back(env);
-  options.solver = SolverKind::automatic;
-  options.islands = options_.islands;
-  solve_members<Real>(options, batch, members, solution, solution.lambda, stream);
+  // Without a tolerance nothing is solved, and all iterations are asked for.
+  if (options_.tolerance > 0 || options_.absolute_tolerance > 0) {
+    options.solver = SolverKind::automatic;
+    options.islands = options_.islands;
+    solve_where([&](std::size_t env) { return own.status[env].code != EnvCode::solved; }, answer.lambda);
+  }
+  write_used_rows(batch, answer, solution);
 }
 
 /// Solves some environments.

@@ -17,12 +17,14 @@ MODEL = """
     <body pos=".3 .1 0"><joint type="ball" damping=".1"/><geom type="capsule" fromto="0 0 0 .3 0 .2" size=".04"/></body>
   </body>
 </worldbody></mujoco>"""
-HIGH = np.array([True, False, True, True, False, True, False] + 12 * [True])  # the last chunk has no rows at all
+CHUNK = stiction.mujoco.BatchedSimulation(mujoco.MjModel.from_xml_string(MODEL.format(integrator="Euler", height=1)), 64,
+                                          threads=1)._core.chunk_size()
+HIGH = np.array([True, False, True, True, False, True, False] + (CHUNK - 4) * [True])  # the last chunk has no rows at all
 INTEGRATORS = "Euler", "implicit", "implicitfast", "RK4"
 
 
 def some_high(solver="auto", integrator="Euler", **options):
-    """Simulations on one thread, in chunks of 16: those of HIGH have no rows, now and for a second."""
+    """Simulations on one thread, in two chunks: those of HIGH have no rows, now and for a second."""
     model = mujoco.MjModel.from_xml_string(MODEL.format(integrator=integrator, height=0.095))
     simulation = stiction.mujoco.BatchedSimulation(model, len(HIGH), solver=solver, threads=1, **options)
     for i, data in enumerate(simulation.data):

@@ -253,18 +253,21 @@ def test_an_accuracy_that_is_none_is_refused_and_changes_nothing(accuracy, said)
 
 
 def test_a_simulation_does_not_notice_in_which_chunk_it_is():
-    """One thread steps 16 simulations at a time. Those of the second chunk have what was asked of them, and their bits."""
-    model, n = zoo(), 19
+    """One thread steps a chunk at a time. Simulations of the second have what was asked of them, and their bits."""
+    model = zoo()
+    chunk = stiction.mujoco.BatchedSimulation(model, 64, threads=1)._core.chunk_size()
+    n = chunk + 3
     rng = np.random.default_rng(3)
     many = stiction.mujoco.BatchedSimulation(model, n, threads=1)
-    many.data[17] = mujoco.MjData(model)
+    assert many._core.chunk_size() == chunk
+    many.data[chunk + 1] = mujoco.MjData(model)
     ctrl = rng.uniform(-1, 1, (12, n, model.nu))
     active = rng.random((12, n)) < 0.8
-    limits = np.where(np.arange(n) == 16, 0, 1000)
+    limits = np.where(np.arange(n) == chunk, 0, 1000)
     many.set_accuracy(max_iterations=limits)
     for values, mask in zip(ctrl, active):
         many.step(values, nstep=2, active=mask)
-    for i in (0, 15, 16, 17, 18):
+    for i in (0, chunk - 1, chunk, chunk + 1, chunk + 2):
         alone = stiction.mujoco.BatchedSimulation(model, 1)
         alone.set_accuracy(max_iterations=limits[i])
         for values, mask in zip(ctrl[:, i:i + 1], active[:, i:i + 1]):

@@ -19,21 +19,23 @@ SMALL = """<mujoco><option timestep="0.002"/><worldbody><geom type="plane" size=
 
 def test_simulations_that_there_are_not_are_refused_and_nothing_is_reset():
     """The number behind the last one of a smaller last chunk used to be written to."""
-    simulation = stiction.mujoco.BatchedSimulation(mujoco.MjModel.from_xml_string(SMALL), 17, threads=1)
+    model = mujoco.MjModel.from_xml_string(SMALL)
+    chunk = stiction.mujoco.BatchedSimulation(model, 64, threads=1)._core.chunk_size()
+    simulation = stiction.mujoco.BatchedSimulation(model, chunk + 1, threads=1)
     simulation.step(nstep=3)
-    for chosen in ([17], [0, -1], [31], [10**9]):
+    for chosen in ([chunk + 1], [0, -1], [2 * chunk - 1], [10**9]):
         for reset in (simulation.reset, simulation.reset_warm_start):
-            with pytest.raises(ValueError, match=r"simulations: expected numbers in 0\.\.16, got"):
+            with pytest.raises(ValueError, match=rf"simulations: expected numbers in 0\.\.{chunk}, got"):
                 reset(chosen)
-        with pytest.raises(stiction.Error, match=r"simulations: expected numbers in 0\.\.16, got"):
+        with pytest.raises(stiction.Error, match=rf"simulations: expected numbers in 0\.\.{chunk}, got"):
             simulation._core.reset_warm_start(chosen)
     with pytest.raises(TypeError, match="got a mask: numpy.flatnonzero"):
-        simulation.reset(np.ones(17, bool))
+        simulation.reset(np.ones(chunk + 1, bool))
     with pytest.raises(TypeError, match="simulations: expected an integer, got 1.5"):
         simulation.reset([0, 1.5])
     assert all(data.time > 0 for data in simulation.data)
-    simulation.reset(np.array([0, 16]))
-    assert [i for i, data in enumerate(simulation.data) if data.time == 0] == [0, 16]
+    simulation.reset(np.array([0, chunk]))
+    assert [i for i, data in enumerate(simulation.data) if data.time == 0] == [0, chunk]
 
 
 def test_steps_are_counted_in_whole_numbers():

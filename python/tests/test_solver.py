@@ -246,3 +246,9 @@ def test_solvers_are_chosen_by_the_spectrum():
                            ({"spectrum": {"direct": "fast"}}, "fast")):
         with pytest.raises((ValueError, stiction.Error), match=message):
             stiction.Solver(**wrong)
+    bodies = stiction.Batch.from_bodies(np.ones((1, 1)), np.ones((1, 1, 6)), np.zeros((1, 1, 6)), **{
+        side: np.full((1, 1), number, np.int32) for side, number in (("body_a", -1), ("body_b", 0))},
+        arm_a=np.zeros((1, 1, 3)), arm_b=np.zeros((1, 1, 3)), normal=np.array([[[0.0, 0, 1]]]), mu=np.ones((1, 1)),
+        depth=np.zeros((1, 1)))
+    with pytest.raises(ValueError, match="choose: expected 'named' for bodies"):
+        stiction.Solver(choose="spectrum").solve(bodies)

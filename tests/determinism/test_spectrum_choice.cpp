@@ -136,6 +136,23 @@ TEST(ChoiceBySpectrum, PaddedRowsThatAreNotInUseStayTheCallers) {
   EXPECT_NE(lambda[3], 77);
 }
 
+TEST(ChoiceBySpectrum, PlacesInASharedMuAreReadWhereThereIsFriction) {
+  Environment<double> env = system({unilateral(), friction(3)}, diagonal({2, 2, 2, 2}), {-1, -1, 0.1, 2});
+  env.mu = {0, 0, 0.5, 0.5};
+  const ContactBatch<double> batch = batch_of({env});
+  const std::vector<double> mu{0.5};
+  const Offset nowhere = std::numeric_limits<Offset>::max() / 2;
+  const std::array<Offset, 4> places{nowhere, -nowhere, 0, 0};
+  ContactBatchView<double> view = batch.view();
+  view.mu = mu.data();
+  view.mu_offsets = places.data();
+  view.mu_count = 1;
+  std::vector<double> lambda(4);
+  EnvStatus status{};
+  Solver(Device::cpu(), by_spectrum(1e-9)).solve(view, {lambda.data(), nullptr, &status});
+  EXPECT_EQ(lambda, solve(batch, by_spectrum(1e-9)).lambda);
+}
+
 /// Two rows of condition 1 or 1e4, which rules send to npgs or to jacobi.
 ContactBatch<double> of_condition(double condition, double coupling = 0) {
   return batch_of({system({unilateral(), unilateral()}, {condition, coupling, coupling, 1}, {-1, -1})});

@@ -6,7 +6,6 @@
 /// A function f gets a BatchArray and that array of every view in `each`. These may be views of either precision, or
 /// structs whose fields have the same names: vectors, or the pointers of the C API.
 
-#include <string>
 #include <vector>
 
 #include "stiction/bodies.hpp"

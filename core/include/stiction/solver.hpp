@@ -176,8 +176,8 @@ class Solver {
   /// cones out of order throw. Columns out of range throw, too, or with InvalidPolicy::isolate flag their environment
   /// kFlagBadStructure. `warm_start` may be solution.lambda itself; no other output may share memory with an input or
   /// with another output.
-  /// \throws Error before anything is written, Error(unsupported) for IslandMode::apart and a batch in device memory;
-  /// numerical trouble is in solution.status.
+  /// \throws Error before anything is written, Error(unsupported) for a batch in device memory and IslandMode::apart or
+  /// SolverChoice::spectrum; numerical trouble is in solution.status.
   template <class Real>
   void solve(const Plan& plan, const ContactBatchView<Real>& batch, const SolutionView<Real>& solution,
              const Real* warm_start = nullptr, StreamRef stream = StreamRef::default_stream()) const;

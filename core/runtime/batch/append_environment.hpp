@@ -22,7 +22,16 @@ void append_environment(typename ContactBatch<Real>::Arrays& to, const ContactBa
     append(to.column, from.row_columns(r), entries);
     append(to.A, from.A + from.row_offsets[r], entries);
     to.row_offsets.push_back(static_cast<Offset>(to.A.size()));
-    to.mu.push_back(from.mu[from.mu_at(r)]);
+  }
+  if (from.mu_offsets == nullptr) {
+    append(to.mu, from.mu + row, rows);
+  } else {
+    // Places in a shared mu need be sound where there is friction alone.
+    for (Offset c = cone; c < cone + cones; ++c)
+      for (Offset r = from.cone_row_offsets[c]; r < from.cone_row_offsets[c + 1]; ++r) {
+        const bool rubs = carries_friction(from.cone_kind[c]) && r != from.normal_row(c);
+        to.mu.push_back(rubs ? from.mu[from.mu_offsets[r]] : Real(0));
+      }
   }
   append(to.b, from.b + row, rows);
   append(to.R, from.R + row, rows);

@@ -53,7 +53,8 @@ void check_options(const SolverOptions& options) {
   if (options.direct_rows < kDirectRows || options.direct_rows > kMostDirectRows)
     fail("direct_rows = " + std::to_string(options.direct_rows) + ": must be from " + std::to_string(kDirectRows) +
          " to " + std::to_string(kMostDirectRows));
-  if (options.direct_rows != kDirectRows && options.solver == SolverKind::automatic)
+  if (options.direct_rows != kDirectRows &&
+      (options.solver == SolverKind::automatic || options.choose == SolverChoice::spectrum))
     fail("direct_rows = " + std::to_string(options.direct_rows) + ": solver auto chooses for matrices of up to " +
          std::to_string(kDirectRows) + " rows; name a solver, or leave direct_rows as it is");
   check_rules(options.spectrum);

@@ -63,6 +63,7 @@ class SolverBase:
                                       whole("direct_rows", direct_rows), self._tracer,
                                       number("absolute_tolerance", absolute_tolerance), word("choose", choose),
                                       _rules(spectrum))
+        self.choose = choose
         if choose != "named":
             if solver is not None:
                 raise ValueError(f"solver: expected None beside choose={choose!r}, got {solver!r}")
@@ -101,6 +102,8 @@ class SolverBase:
 
     def _check_form(self, form):
         """Refuses a solver that has none for batches of that form."""
+        if self.choose != "named" and form == "bodies":
+            raise ValueError(f"choose: expected 'named' for bodies, which have no matrix A, got {self.choose!r}")
         if self.solver == "multigrid" and form != "bodies":
             raise ValueError("solver: expected a solver of contact batches, got 'multigrid', which works on bodies alone "
                              "(Batch.from_bodies)")

@@ -139,6 +139,11 @@ TEST(Spectrum, MisuseIsRefused) {
   EXPECT_THAT(refused([](SolverOptions& o) { o.spectrum.direct_rows = -1; }), HasSubstr("spectrum.direct_rows = -1"));
   EXPECT_THAT(refused([](SolverOptions& o) { o.spectrum.sparse_density = kNan; }), HasSubstr("sparse_density"));
   EXPECT_THAT(refused([](SolverOptions& o) { o.spectrum.otherwise = SolverKind::multigrid; }), HasSubstr("multigrid"));
+  EXPECT_THAT(refused([](SolverOptions& o) {
+                o.choose = SolverChoice::spectrum;
+                o.direct_rows = 5000;
+              }),
+              HasSubstr("direct_rows = 5000"));
   EXPECT_THAT(refused([](SolverOptions& o) { o.choose = static_cast<SolverChoice>(7); }), HasSubstr("choose = 7"));
 }
 
