@@ -13,22 +13,40 @@
 
 namespace stiction {
 
-/// One array of a batch.
+/// One array of a batch. Counts come as a caller wrote them and are checked later, so a length is in [0, 2^60] whatever
+/// they are.
 struct BatchArray {
-  const char* name;       ///< the field's
-  Offset length;          ///< entries
-  bool optional = false;  ///< null means none, or there is nothing to read
-  Offset width = 1;       ///< entries of one body or contact
+  /// `per_item` entries for each of `count` items.
+  constexpr BatchArray(const char* field, Offset count, bool nullable = false, Offset per_item = 1)
+      : name(field), length(holdable(count) * per_item), optional(nullable), width(per_item) {}
+  /// Offsets of `count` items and, at the end, of what follows them.
+  static constexpr BatchArray offsets(const char* field, Offset count, bool nullable) {
+    BatchArray array(field, count, nullable);
+    if (count >= 0) ++array.length;
+    return array;
+  }
+
+  const char* name;  ///< the field's
+  Offset length;     ///< entries
+  bool optional;     ///< null means none, or there is nothing to read
+  Offset width;      ///< entries of one body or contact
+
+ private:
+  /// The nearest count that memory can hold: an address has 48 bits.
+  static constexpr Offset holdable(Offset count) {
+    constexpr Offset most = Offset{1} << 48;
+    return count < 0 ? 0 : (count < most ? count : most);
+  }
 };
 
 /// Calls f with where cones are.
 template <class F, class... Layouts>
 void for_each_cone_array(const BatchLayout& batch, F&& f, Layouts&... each) {
   const Offset envs = batch.env_count, cones = batch.cone_count;
-  f(BatchArray{"env_row_offsets", envs + 1, envs == 0}, each.env_row_offsets...);
-  f(BatchArray{"env_cone_offsets", envs + 1, envs == 0}, each.env_cone_offsets...);
+  f(BatchArray::offsets("env_row_offsets", envs, envs == 0), each.env_row_offsets...);
+  f(BatchArray::offsets("env_cone_offsets", envs, envs == 0), each.env_cone_offsets...);
   f(BatchArray{"cone_kind", cones}, each.cone_kind...);
-  f(BatchArray{"cone_row_offsets", cones + 1, envs == 0}, each.cone_row_offsets...);
+  f(BatchArray::offsets("cone_row_offsets", cones, envs == 0), each.cone_row_offsets...);
   f(BatchArray{"cone_group", cones, true}, each.cone_group...);
 }
 
@@ -87,9 +105,9 @@ template <class Real, class F, class... Batches>
 void for_each_held_array(const ContactBatchView<Real>& batch, F&& f, Batches&... each) {
   for_each_cone_array(batch, f, each...);
   for_each_env_array(batch, f, each...);
-  f(BatchArray{"row_offsets", batch.row_count + 1, batch.env_count == 0}, each.row_offsets...);
+  f(BatchArray::offsets("row_offsets", batch.row_count, batch.env_count == 0), each.row_offsets...);
   f(BatchArray{"column", batch.columns_stored()}, each.column...);
-  f(BatchArray{"factor_offsets", batch.env_count + 1, true}, each.factor_offsets...);
+  f(BatchArray::offsets("factor_offsets", batch.env_count, true), each.factor_offsets...);
   for_each_number_array(batch, batch.mu_offsets != nullptr ? batch.mu_count : batch.row_count, f, each...);
 }
 
@@ -108,9 +126,9 @@ template <class Real, class F, class... Batches>
 void for_each_held_array(const JacobianBatchView<Real>& batch, F&& f, Batches&... each) {
   const Offset envs = batch.env_count;
   for_each_cone_array(batch, f, each...);
-  f(BatchArray{"env_dof_offsets", envs + 1, envs == 0}, each.env_dof_offsets...);
-  f(BatchArray{"env_mass_offsets", envs + 1, envs == 0}, each.env_mass_offsets...);
-  f(BatchArray{"row_offsets", batch.row_count + 1, envs == 0}, each.row_offsets...);
+  f(BatchArray::offsets("env_dof_offsets", envs, envs == 0), each.env_dof_offsets...);
+  f(BatchArray::offsets("env_mass_offsets", envs, envs == 0), each.env_mass_offsets...);
+  f(BatchArray::offsets("row_offsets", batch.row_count, envs == 0), each.row_offsets...);
   f(BatchArray{"column", batch.entry_count, true}, each.column...);
   for_each_change_array(batch, f, each...);
 }
@@ -127,9 +145,9 @@ void for_each_array(const JacobianBatchView<Real>& batch, F&& f, Batches&... eac
 template <class F, class... Batches>
 void for_each_body_array(Offset bodies, F&& f, Batches&... each) {
   f(BatchArray{"inv_mass", bodies}, each.inv_mass...);
-  f(BatchArray{"inv_inertia", 6 * bodies, false, 6}, each.inv_inertia...);
-  f(BatchArray{"twist", 6 * bodies, false, 6}, each.twist...);
-  f(BatchArray{"twist_change", 6 * bodies, true, 6}, each.twist_change...);
+  f(BatchArray{"inv_inertia", bodies, false, 6}, each.inv_inertia...);
+  f(BatchArray{"twist", bodies, false, 6}, each.twist...);
+  f(BatchArray{"twist_change", bodies, true, 6}, each.twist_change...);
   f(BatchArray{"kinematic", bodies, true}, each.kinematic...);
 }
 
@@ -138,9 +156,9 @@ template <class F, class... Batches>
 void for_each_contact_array(Offset contacts, F&& f, Batches&... each) {
   f(BatchArray{"body_a", contacts}, each.body_a...);
   f(BatchArray{"body_b", contacts}, each.body_b...);
-  f(BatchArray{"arm_a", 3 * contacts, false, 3}, each.arm_a...);
-  f(BatchArray{"arm_b", 3 * contacts, false, 3}, each.arm_b...);
-  f(BatchArray{"normal", 3 * contacts, false, 3}, each.normal...);
+  f(BatchArray{"arm_a", contacts, false, 3}, each.arm_a...);
+  f(BatchArray{"arm_b", contacts, false, 3}, each.arm_b...);
+  f(BatchArray{"normal", contacts, false, 3}, each.normal...);
   f(BatchArray{"mu", contacts}, each.mu...);
   f(BatchArray{"depth", contacts}, each.depth...);
   f(BatchArray{"restitution", contacts}, each.restitution...);
@@ -150,8 +168,8 @@ void for_each_contact_array(Offset contacts, F&& f, Batches&... each) {
 template <class Real, class F, class... Batches>
 void for_each_array(const BodyBatchView<Real>& batch, F&& f, Batches&... each) {
   const Offset envs = batch.env_count;
-  f(BatchArray{"env_body_offsets", envs + 1, envs == 0}, each.env_body_offsets...);
-  f(BatchArray{"env_contact_offsets", envs + 1, envs == 0}, each.env_contact_offsets...);
+  f(BatchArray::offsets("env_body_offsets", envs, envs == 0), each.env_body_offsets...);
+  f(BatchArray::offsets("env_contact_offsets", envs, envs == 0), each.env_contact_offsets...);
   for_each_body_array(batch.body_count, f, each...);
   for_each_contact_array(batch.contact_count, f, each...);
 }

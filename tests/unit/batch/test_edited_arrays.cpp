@@ -2,7 +2,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <limits>
+#include <utility>
 
 #include "stiction/batch_arrays.hpp"
 #include "stiction/bodies.hpp"
@@ -222,6 +224,35 @@ TEST(EditedJacobians, AnOutputThatSharesMemoryIsRefusedByName) {
               HasSubstr("solution.velocity and warm_start overlap"));
   solver.solve(view, {&lambda, &w, &velocity, &status}, &lambda);
   EXPECT_NEAR(velocity, 0, 1e-8);
+}
+
+/// Shortest and longest array of a view's list.
+template <class View>
+std::pair<Offset, Offset> lengths(const View& view) {
+  std::pair<Offset, Offset> range{std::numeric_limits<Offset>::max(), std::numeric_limits<Offset>::min()};
+  for_each_array(
+      view,
+      [&range](const BatchArray& array, const auto*) {
+        range = {std::min(range.first, array.length), std::max(range.second, array.length)};
+      },
+      view);
+  return range;
+}
+
+// Lists are walked before counts are checked: a length is no overflow, whatever a caller wrote.
+TEST(EditedCounts, LengthsOfArraysDoNotOverflow) {
+  for (const Offset count : {std::numeric_limits<Offset>::max(), std::numeric_limits<Offset>::min(), Offset{-1}}) {
+    BodyBatchView<float> bodies;
+    bodies.env_count = bodies.body_count = bodies.contact_count = count;
+    ContactBatchView<float> contacts;
+    contacts.env_count = contacts.cone_count = contacts.row_count = count;
+    JacobianBatchView<float> jacobians;
+    jacobians.env_count = jacobians.cone_count = jacobians.row_count = count;
+    for (const auto& [shortest, longest] : {lengths(bodies), lengths(contacts), lengths(jacobians)}) {
+      EXPECT_GE(shortest, 0) << count;
+      EXPECT_LE(longest, std::numeric_limits<Offset>::max() / 8) << count;
+    }
+  }
 }
 
 }  // namespace
