@@ -22,6 +22,8 @@ struct DeviceFacts {
   int processors = 1;                     ///< multiprocessors: that many blocks at least run at once
   std::size_t shared_bytes = 0;           ///< most shared memory a block may ask for
   std::size_t resident_shared_bytes = 0;  ///< shared memory of one multiprocessor
+  std::size_t memory_bytes = 0;           ///< of the device; 0: not known
+  bool is_whole = true;  ///< no other process has a part of it: launches of the whole device are what they say
 };
 
 /// Events order work; those that also tell the time cost the device a little more.

@@ -26,6 +26,16 @@ inline constexpr int kWarp = 32;          ///< lanes that run in lock-step
 inline constexpr int kMostLanes = 256;    ///< of a team within one block
 inline constexpr int kTeamThreads = 128;  ///< of a block at most whose teams are smaller
 
+/// A launch as a device takes it. Where others may hold multiprocessors, blocks of a whole device might wait for one
+/// that never runs: one block is the team there.
+inline LaunchShape shape_on(const LaunchShape& shape, bool is_whole) {
+  LaunchShape own = shape;
+  if (!shape.whole_device || is_whole) return own;
+  own.whole_device = false;
+  own.teams = shape.teams > 0 ? 1 : 0;
+  return own;
+}
+
 /// Fast memory that a team keeps for itself, beside what a launch gives it [bytes].
 inline constexpr std::size_t kTeamBytes = 768;
 /// Bytes of fast memory in the alignment of what lies in it.

@@ -57,7 +57,7 @@ std::shared_ptr<EmulatedDevice> shared_emulated_device() {
 }
 
 EmulatedDevice::EmulatedDevice(const EmulatedDeviceOptions& options) : options_(options), random_(options.seed) {
-  facts_ = {"emulated by the CPU", 4, options.shared_bytes, options.shared_bytes + 1024};
+  facts_ = {"emulated by the CPU", 4, options.shared_bytes, options.shared_bytes + 1024, 0, options.is_whole};
   streams_[nullptr] = std::make_unique<EmulatedStream>();
 }
 
@@ -183,12 +183,13 @@ void EmulatedDevice::prepare(const KernelRef& kernel, const LaunchShape& shape) 
   const std::lock_guard lock(mutex_);
   if (kernel.entry == nullptr) fail(std::string("kernel ") + kernel.name + " is not in this library");
   if (!captures_.empty()) fail(std::string("kernel ") + kernel.name + " is prepared while a stream is captured");
-  prepared_.insert(prepared(kernel, shape));
+  prepared_.insert(prepared(kernel, shape_on(shape, facts_.is_whole)));
 }
 
-void EmulatedDevice::launch(const KernelRef& kernel, const LaunchShape& shape, const void* arguments,
+void EmulatedDevice::launch(const KernelRef& kernel, const LaunchShape& asked, const void* arguments,
                             StreamHandle stream) {
   const std::lock_guard lock(mutex_);
+  const LaunchShape shape = shape_on(asked, facts_.is_whole);
   const bool lanes_fit =
       shape.lanes >= 1 && shape.lanes <= kMostLanes && (shape.lanes % kWarp == 0 || kWarp % shape.lanes == 0);
   const bool does_not_fit =

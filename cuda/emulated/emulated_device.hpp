@@ -27,6 +27,7 @@ struct EmulatedDeviceOptions {
                            ///< of the team that is the whole device, which do run at once
   std::uint64_t seed = 0;  ///< order of streams and teams, speed of a whole device's lanes; 0: as queued, all alike
   std::size_t shared_bytes = std::size_t{227} << 10;  ///< fast memory of a team, at most
+  bool is_whole = true;                               ///< DeviceFacts::is_whole
 };
 
 /// A device without a GPU: the engine's launches, copies and events, carried out by threads of the CPU. Nothing is done

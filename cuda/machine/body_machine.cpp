@@ -76,7 +76,7 @@ void DeviceBodyMachine::make_classes(const BodyRequest<Real>& request, std::vect
     own.slot_bytes = static_cast<Offset>(padded_bytes(at(own.slot_bytes)));
     own.shape.lanes = rule.lanes;
     own.shape.whole_device = k + 1 == kClasses;
-    const Offset fitting = larger_of<Offset>(1, kWorkspaceBytes / own.slot_bytes);
+    const Offset fitting = larger_of<Offset>(1, most_workspace_bytes(api_->facts()) / own.slot_bytes);
     own.shape.teams =
         own.shape.whole_device
             ? 1

@@ -102,7 +102,8 @@ void DeviceDerivativeMachine::make_room(DeviceMemory& memory, Offset doubles, St
 
 /// Teams whose scratch of that many doubles fits.
 Offset DeviceDerivativeMachine::teams_for(Offset slot) const {
-  const Offset fitting = larger_of<Offset>(1, kScratchBytes / (slot * static_cast<Offset>(sizeof(double))));
+  const Offset fitting =
+      larger_of<Offset>(1, most_scratch_bytes(api_->facts()) / (slot * static_cast<Offset>(sizeof(double))));
   return smaller_of(fitting, kTeamsPerProcessor * api_->facts().processors);
 }
 

@@ -24,7 +24,7 @@ inline constexpr Precision kPrecisionOf = sizeof(Real) == sizeof(float) ? Precis
 struct ClassRules {
   ClassLimits limits;  ///< but for thread_large
   Offset many_per_processor =
-      62;                        ///< environments of a batch, from which a lane each fills the device: 8184 on an H200
+      500;  ///< environments of a batch, from which a lane each fills the device: 66 000 on an H200
   Index most_rows_of_many = 72;  ///< rows of an environment that has a lane then
 
   /// The smallest dense environments are of this class.

@@ -137,7 +137,7 @@ Engine::ClassShape Engine::shape_of(SizeClass size_class, const Reserved& reserv
     return shape;
   }
   shape.launch.shared_bytes = head_bytes;
-  const Offset fitting = larger_of<Offset>(1, kWorkspaceBytes / static_cast<Offset>(team_bytes));
+  const Offset fitting = larger_of<Offset>(1, most_workspace_bytes(api_.facts()) / static_cast<Offset>(team_bytes));
   shape.launch.teams =
       shape.launch.whole_device
           ? 1
@@ -251,8 +251,9 @@ void Engine::reserve(const Capacity& capacity, SolverKind solver, Precision prec
   const Offset envs = reserved.capacity.envs, cones = reserved.capacity.cones;
   plan.graph_slot = graph_slot(reserved.capacity);
   const Offset graph_teams = larger_of<Offset>(
-      1, smaller_of(smaller_of(envs, Offset{2} * api_.facts().processors),
-                    larger_of<Offset>(1, kWorkspaceBytes / (plan.graph_slot * Offset{sizeof(Index)}))));
+      1,
+      smaller_of(smaller_of(envs, Offset{2} * api_.facts().processors),
+                 larger_of<Offset>(1, most_workspace_bytes(api_.facts()) / (plan.graph_slot * Offset{sizeof(Index)}))));
   ArraySet arrays;
   arrays.add(plan.path, envs);
   arrays.add(plan.counts, envs);

@@ -60,7 +60,7 @@ DeviceJacobianMachine<Real>::DeviceJacobianMachine(std::shared_ptr<DeviceApi> ap
   if (shared) {
     large_.shared_bytes = slot_bytes;
   } else {
-    const Offset fitting = larger_of<Offset>(1, kScratchBytes / static_cast<Offset>(slot_bytes));
+    const Offset fitting = larger_of<Offset>(1, most_scratch_bytes(api_->facts()) / static_cast<Offset>(slot_bytes));
     large_.teams = smaller_of(capacity.envs, smaller_of(fitting, kTeamsPerProcessor * api_->facts().processors));
   }
 
@@ -119,7 +119,8 @@ void DeviceJacobianMachine<Real>::reserve_newton(const JacobianCapacity& capacit
   const Offset lane_bytes = static_cast<Offset>(sizeof(Offset)) * newton_.lists_per_lane +
                             static_cast<Offset>(sizeof(Index)) * newton_.islands_per_lane;
   const Offset team_bytes = static_cast<Offset>(sizeof(double)) * newton_.numbers_per_team + kWarp * lane_bytes;
-  const Offset wanted = (capacity.envs + kWarp - 1) / kWarp, fitting = larger_of<Offset>(1, kScratchBytes / team_bytes);
+  const Offset wanted = (capacity.envs + kWarp - 1) / kWarp,
+               fitting = larger_of<Offset>(1, most_scratch_bytes(api_->facts()) / team_bytes);
   newton_shape_.teams = smaller_of(wanted, smaller_of(fitting, kTeamsPerProcessor * api_->facts().processors));
   newton_shape_.lanes = kWarp;
   if (has_large) reserve_blocks(capacity);
@@ -141,7 +142,7 @@ void DeviceJacobianMachine<Real>::reserve_blocks(const JacobianCapacity& capacit
   blocks_.numbers_per_team = BlockWorkspace::doubles(largest, kWarp);
   const Offset team_bytes = static_cast<Offset>(sizeof(Index)) * blocks_.lists_per_team +
                             static_cast<Offset>(sizeof(double)) * blocks_.numbers_per_team;
-  const Offset fitting = larger_of<Offset>(1, kScratchBytes / team_bytes);
+  const Offset fitting = larger_of<Offset>(1, most_scratch_bytes(api_->facts()) / team_bytes);
   block_shape_.teams = smaller_of(capacity.envs, smaller_of<Offset>(fitting, api_->facts().processors));
   block_shape_.lanes = kWarp;
   set_.add(blocks_.lists, block_shape_.teams * blocks_.lists_per_team);

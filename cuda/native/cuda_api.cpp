@@ -3,6 +3,8 @@
 #include <nvtx3/nvToolsExt.h>
 
 #include <algorithm>
+#include <cstddef>
+#include <vector>
 
 #include "core/base/extents.hpp"
 #include "cuda/native/cuda_check.hpp"
@@ -34,6 +36,48 @@ cudaMemcpyKind kind_of(CopyKind kind) {
   return cudaMemcpyDefault;
 }
 
+/// Orders launches of a whole device, whichever solver they come from. Two cooperative grids at once may each wait for
+/// blocks that the other keeps from running.
+class WholeDeviceTurn {
+ public:
+  /// Waits for the turn before on `stream`, unless that is being captured: a graph's launches are ordered by who
+  /// launches it.
+  WholeDeviceTurn(int ordinal, cudaStream_t stream, bool takes_part)
+      : lock_(mutex()), stream_(stream), takes_part_(takes_part) {
+    if (!takes_part_) return;
+    cudaEvent_t& done = events()[ordinal];
+    if (done == nullptr) STICTION_CUDA_TRY(cudaEventCreateWithFlags(&done, cudaEventDisableTiming));
+    done_ = done;
+    STICTION_CUDA_TRY(cudaStreamWaitEvent(stream_, done_, 0));
+  }
+  /// The launch is queued.
+  void pass_on() {
+    if (takes_part_) STICTION_CUDA_TRY(cudaEventRecord(done_, stream_));
+  }
+
+ private:
+  static std::mutex& mutex() {
+    static std::mutex one;
+    return one;
+  }
+  static std::map<int, cudaEvent_t>& events() {
+    static auto& all = *new std::map<int, cudaEvent_t>;  // the driver may be gone when the process ends
+    return all;
+  }
+
+  std::lock_guard<std::mutex> lock_;
+  cudaStream_t stream_;
+  bool takes_part_;
+  cudaEvent_t done_ = nullptr;
+};
+
+cudaLaunchAttribute cooperative() {
+  cudaLaunchAttribute attribute{};
+  attribute.id = cudaLaunchAttributeCooperative;
+  attribute.val.cooperative = 1;
+  return attribute;
+}
+
 }  // namespace
 
 CudaApi::CudaApi(int ordinal) : ordinal_(ordinal) {
@@ -41,7 +85,10 @@ CudaApi::CudaApi(int ordinal) : ordinal_(ordinal) {
   cudaDeviceProp properties{};
   STICTION_CUDA_TRY(cudaGetDeviceProperties(&properties, ordinal));
   facts_ = {properties.name, properties.multiProcessorCount, properties.sharedMemPerBlockOptin,
-            properties.sharedMemPerMultiprocessor};
+            properties.sharedMemPerMultiprocessor, properties.totalGlobalMem};
+  int shared_with_others = 0;
+  STICTION_CUDA_TRY(cudaDeviceGetAttribute(&shared_with_others, cudaDevAttrMpsEnabled, ordinal));
+  facts_.is_whole = shared_with_others == 0;
   STICTION_CUDA_TRY(cudaMalloc(&grid_memory_, kGridBytes));
 }
 
@@ -116,30 +163,58 @@ int CudaApi::resident_blocks(const CudaKernel& kernel, int block, std::size_t sh
 void CudaApi::prepare(const KernelRef& kernel, const LaunchShape& shape) {
   const DeviceGuard device(ordinal_);
   const auto& program = *static_cast<const CudaKernel*>(kernel.entry);
-  const LaunchGrid grid = launch_grid(shape, program.serial, facts_, grid_memory_);
+  const LaunchGrid grid = launch_grid(shape_on(shape, facts_.is_whole), program.serial, facts_, grid_memory_);
   resident_blocks(program, grid.block, grid.shared);
+  grow_stacks(kernel, grid);
 }
 
-void CudaApi::launch(const KernelRef& kernel, const LaunchShape& shape, const void* arguments, StreamHandle stream) {
-  if (shape.teams == 0) return;
+/// A kernel whose stack is larger than any before makes the driver take more memory for all of them, and wait for the
+/// device. A launch of no team has that behind it before a solve.
+void CudaApi::grow_stacks(const KernelRef& kernel, const LaunchGrid& grid) {
+  const auto& program = *static_cast<const CudaKernel*>(kernel.entry);
+  {
+    const std::lock_guard lock(mutex_);
+    if (!launched_.insert(program.function).second) return;
+  }
+  const std::vector<std::byte> nothing(kernel.argument_bytes);
+  CudaShape shape = grid.shape;
+  shape.teams = 0;
+  void* parameters[] = {const_cast<std::byte*>(nothing.data()), &shape};
+  cudaStream_t stream = nullptr;
+  STICTION_CUDA_TRY(cudaStreamCreateWithFlags(&stream, cudaStreamNonBlocking));
+  const cudaError_t queued = cudaLaunchKernel(program.function, dim3(1), dim3(static_cast<unsigned>(grid.width)),
+                                              parameters, grid.shared, stream);
+  const cudaError_t done = cudaStreamSynchronize(stream);
+  cudaStreamDestroy(stream);
+  STICTION_CUDA_TRY(queued);
+  STICTION_CUDA_TRY(done);
+}
+
+void CudaApi::launch(const KernelRef& kernel, const LaunchShape& asked, const void* arguments, StreamHandle stream) {
+  if (asked.teams == 0) return;
   const DeviceGuard device(ordinal_);
+  const LaunchShape shape = shape_on(asked, facts_.is_whole);
   const auto& program = *static_cast<const CudaKernel*>(kernel.entry);
   if (shape.whole_device && !program.may_be_grid)
     throw Error(ErrorCode::device_failure, std::string(kernel.name) + " has no team of a whole device");
   LaunchGrid grid = launch_grid(shape, program.serial, facts_, grid_memory_);
   const Offset resident = Offset{facts_.processors} * resident_blocks(program, grid.block, grid.shared);
   void* parameters[] = {const_cast<void*>(arguments), &grid.shape};
-  cudaLaunchAttribute cooperative{};
-  cooperative.id = cudaLaunchAttributeCooperative;
-  cooperative.val.cooperative = 1;
+  cudaLaunchAttribute attribute = cooperative();
   cudaLaunchConfig_t config{};
   config.gridDim = dim3(static_cast<unsigned>(blocks_of(shape, grid, resident)));
   config.blockDim = dim3(static_cast<unsigned>(grid.width), static_cast<unsigned>(grid.block / grid.width));
   config.dynamicSmemBytes = grid.shared;
   config.stream = stream_of(stream);
-  config.attrs = &cooperative;
+  config.attrs = &attribute;
   config.numAttrs = shape.whole_device ? 1 : 0;
+  if (!shape.whole_device) {
+    STICTION_CUDA_TRY(cudaLaunchKernelExC(&config, program.function, parameters));
+    return;
+  }
+  WholeDeviceTurn turn(ordinal_, config.stream, !capturing(stream));
   STICTION_CUDA_TRY(cudaLaunchKernelExC(&config, program.function, parameters));
+  turn.pass_on();
 }
 
 void CudaApi::record(EventHandle event, StreamHandle stream) {

@@ -4,10 +4,12 @@
 
 #include <map>
 #include <mutex>
+#include <set>
 #include <tuple>
 
 #include "cuda/api/device_api.hpp"
 #include "cuda/native/cuda_kernel.hpp"
+#include "cuda/native/launch_grid.hpp"
 
 namespace stiction::cuda {
 
@@ -44,12 +46,14 @@ class CudaApi final : public DeviceApi {
  private:
   /// Blocks of a kernel that one multiprocessor runs at once.
   int resident_blocks(const CudaKernel& kernel, int block, std::size_t shared);
+  void grow_stacks(const KernelRef& kernel, const LaunchGrid& grid);
 
   int ordinal_;
   DeviceFacts facts_;
   void* grid_memory_ = nullptr;
   std::mutex mutex_;
   std::map<std::tuple<const void*, int, std::size_t>, int> resident_;
+  std::set<const void*> launched_;  ///< functions whose stacks there are
 };
 
 }  // namespace stiction::cuda

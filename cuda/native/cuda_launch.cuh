@@ -33,6 +33,7 @@ constexpr int most_threads() {
 template <class Program>
 __global__ void __launch_bounds__(most_threads<Program>(), 1)
     run_teams(const __grid_constant__ typename Program::Args args, const __grid_constant__ cuda::CudaShape shape) {
+  if (shape.teams == 0) return;  // launched for the sake of its stack
   if constexpr (Program::kSerial) {
     SerialTeam team;
     const Offset index = Offset{blockIdx.x} * blockDim.x + threadIdx.x;

@@ -31,6 +31,10 @@ inline LaunchGrid launch_grid(const LaunchShape& shape, bool serial, const Devic
   // Two blocks at least on a multiprocessor, where teams are small enough for that.
   while (grid.block > larger_of(shape.lanes, kWarp) && 2 * shared_of(grid.block) > facts.resident_shared_bytes)
     grid.block /= 2;
+  // No multiprocessor is left idle for the sake of a larger block.
+  while (!shape.whole_device && grid.block > larger_of(shape.lanes, kWarp) &&
+         shape.teams * shape.lanes < Offset{grid.block} * facts.processors)
+    grid.block /= 2;
   grid.width = serial ? grid.block : shape.lanes;
   grid.shared = shared_of(grid.block);
   grid.teams_per_block = serial ? grid.block : grid.block / shape.lanes;

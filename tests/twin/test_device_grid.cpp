@@ -154,6 +154,29 @@ TEST_P(Giants, HaveTheCpusBitsInDoublePrecision) {
   expect_the_cpus_bits_of_a_giant<double>(GetParam(), Law::coulomb);
 }
 
+// Blocks of a grid that never run would be waited for: one block takes the environment.
+TEST(DeviceGrid, AGiantHasOneBlockWhereOthersHoldAPartOfTheDevice) {
+  cuda::EmulatedDeviceOptions options{kLanes, kBlocks, 5};
+  options.is_whole = false;
+  cuda::EmulatedDevice device(options);
+  const cuda::Stream stream(device);
+  Seen seen;
+  Index written[kWidth] = {};
+  Offset counter = 0;
+  const LookAround::Args args{&seen, written, &counter};
+  cuda::LaunchShape shape;
+  shape.teams = 7;
+  shape.lanes = cuda::kMostLanes;
+  shape.whole_device = true;
+  device.launch(cuda::emulated_kernel<LookAround>("look_around"), shape, &args, stream.get());
+  device.synchronize(stream.get());
+  EXPECT_EQ(seen.size[0], kLanes);
+  EXPECT_EQ(counter, LookAround::kRounds) << "one team";
+  const ContactBatch<float> batch = convert<float>(giant_among_small(SolverKind::npgs));
+  const SolverOptions chosen = brief(SolverKind::npgs, Law::convex);
+  EXPECT_EQ(on_engine(device, batch, chosen), solve_hashes(batch, chosen));
+}
+
 INSTANTIATE_TEST_SUITE_P(DeviceGrid, Giants, testing::ValuesIn(kEveryChoice),
                          [](const auto& solver) { return std::string(to_string(solver.param)); });
 

@@ -153,9 +153,9 @@ TEST(DeviceShapes, AStageOfTheFallbackChainAsksForNoMoreThanItsSolverDoesAlone) 
 }
 
 /// Counted by hand, of each law: two to plan, one for trivial environments, one to look at all, one before each of
-/// eight stages. The first stage has a lane each, in up to three classes by size. The seven others have teams.
+/// eight stages. In the first one the smallest have a lane each, in two classes by size. All others have teams.
 TEST(DeviceShapes, TheFallbackChainQueuesOneLaunchAStageBesideItsClasses) {
-  const std::map<Index, int> classes_by_rows = {{12, 1 + 7}, {18, 2 + 7}, {25, 3 + 7}, {42, 3 + 7 * 2}};
+  const std::map<Index, int> classes_by_rows = {{12, 1 + 7}, {18, 2 + 7}, {25, 3 + 7}, {42, 4 + 7 * 2}};
   for (const auto& [rows, classes] : classes_by_rows) {
     SCOPED_TRACE(std::to_string(rows) + " rows");
     CountingDevice device(kGpus[0]);
