@@ -20,6 +20,9 @@ struct JacobianJob {
   Real* velocity = nullptr;        ///< out: v_free + M^-1 J' lambda                    (dof_count)
 };
 
+/// Bits of JacobianArrays::answered. What was tried without an answer is not tried again in that precision.
+inline constexpr std::uint8_t kAnswered = 1, kTriedInDouble = 2, kTried = 4;
+
 /// The arrays of a contact batch that shares the cones and vectors of the Jacobian batch that it is made of. The two
 /// have the same rows, room included, so only what follows from J and M is stored anew.
 template <class Real>
@@ -37,7 +40,7 @@ struct JacobianArrays {
   Real* b;                 ///<                                                         (rows)
   Index* env_row_counts;   ///< rows left to solve, 0 of what has its answer; null: all (envs)
   Index* env_cone_counts;  ///< cones of them                                           (envs)
-  std::uint8_t* answered;  ///< 1: Newton's method in velocities has solved it          (envs)
+  std::uint8_t* answered;  ///< kAnswered: Newton's method in velocities has solved it  (envs)
   EnvStatus* status;       ///< how                                                     (envs)
   Index env_rows;          ///< most rows of an environment
   Index env_dofs;          ///< most degrees of freedom

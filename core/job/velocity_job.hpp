@@ -1,5 +1,6 @@
 #pragma once
 
+#include "core/job/jacobian_job.hpp"
 #include "stiction/jacobian_solver.hpp"
 
 namespace stiction {
@@ -47,8 +48,7 @@ struct VelocityJob {
   const Real* warm_start = nullptr;     ///< reactions to start from, or null          (row_count)
   const Real* warm_velocity = nullptr;  ///< velocities to start from, or null; with neither, from v_free (dof_count)
   JacobianSolutionView<Real> to;
-  std::uint8_t* answered = nullptr;  ///< out: 1: the environment has its answer; 0: what was written of it is of no use
-                                     ///                                               (env_count)
+  std::uint8_t* answered = nullptr;  ///< out: without kAnswered what was written of it is of no use  (env_count)
 };
 
 }  // namespace stiction

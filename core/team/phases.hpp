@@ -1,14 +1,37 @@
 #pragma once
 
+#include <type_traits>
+
 #include "core/team/team.hpp"
 
 namespace stiction::inline STICTION_ISA {
+
+/// Whether lanes of a team compute different numbers of one environment. A team of one computes all in turn.
+template <class TeamT>
+inline constexpr bool kIsAlone = std::is_same_v<std::remove_cvref_t<TeamT>, SerialTeam>;
+
+/// What holds on every lane of a team, on every lane.
+template <Team TeamT, class MaskT>
+STICTION_HD MaskT on_all_lanes(TeamT& team, MaskT mask) {
+  if constexpr (kIsAlone<TeamT>) {
+    return mask;
+  } else {
+    return team.combine(mask ? 0U : 1U) == 0U;
+  }
+}
 
 /// f(i) for every i in [0, n), shared out over the lanes; ends in a sync. The f(i) must not depend on each other.
 template <Team TeamT, class F>
 STICTION_HD void for_each(TeamT& team, Index n, F&& f) {
   for (Index i = team.rank(); i < n; i += team.size()) f(i);
   team.sync();
+}
+
+/// f(i) for every i in [0, n), shared out as for_each() does, without a sync. A lane gets the same i of every such
+/// loop.
+template <Team TeamT, class F>
+STICTION_HD void share(TeamT& team, Index n, F&& f) {
+  for (Index i = team.rank(); i < n; i += team.size()) f(i);
 }
 
 /// A count that is known to be at most kMost when a program is compiled.

@@ -23,7 +23,8 @@ class AlikeEnvs {
     auto* const begins = scratch.begins.reserve<const SlotItem<DofSet>*>(count);
     keys_ = scratch.keys.reserve<Likeness>(count);
     for (Offset i = 0; i < count; ++i) {
-      list_items(batch, envs[i], next);
+      SerialTeam alone;
+      list_items(alone, batch, envs[i], next);
       const bool is_double = in_double(envs[i]);
       keys_[i] = likeness_of(next, count > width ? envs[i].cones : 0, envs[i].dofs, is_double, static_cast<Index>(i));
       begins[i] = next;

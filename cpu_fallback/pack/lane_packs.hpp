@@ -12,12 +12,19 @@ namespace stiction::inline STICTION_ISA {
 template <class Types>
 struct PackMemory {
   cpu::VelocityScratch& scratch;
+  static SerialTeam team() { return {}; }
   void* lists(Offset bytes) const { return scratch.lists.template reserve<char>(bytes); }
-  VelocityWorkspace<Types> numbers(const SlotCounts& counts, Index dofs, Index tree_entries) const {
-    return make<VelocityWorkspace<Types>>(counts, dofs, tree_entries);
+  template <class Lists>
+  static bool has_room(const Lists&, const SlotCounts&) {
+    return true;
   }
-  JacobianVjpWorkspace<Types> jacobian_vjp_numbers(const SlotCounts& counts, Index dofs, Index tree_entries) const {
-    return make<JacobianVjpWorkspace<Types>>(counts, dofs, tree_entries);
+  template <class Lists>
+  VelocityWorkspace<Types> numbers(const Lists& lists, const SlotCounts& counts) const {
+    return make<VelocityWorkspace<Types>>(counts, lists.tree.dofs, lists.tree.entries);
+  }
+  template <class Lists>
+  JacobianVjpWorkspace<Types> jacobian_vjp_numbers(const Lists& lists, const SlotCounts& counts) const {
+    return make<JacobianVjpWorkspace<Types>>(counts, lists.tree.dofs, lists.tree.entries);
   }
 
  private:

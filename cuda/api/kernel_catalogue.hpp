@@ -63,17 +63,17 @@ struct JacobianKernels {
   KernelRef move;   ///< velocities
 };
 
-/// A lane for each environment (kernels/velocity_program.hpp).
-struct VelocityLanes {
-  KernelRef whole;     ///< where none has more degrees of freedom than a lane takes
-  KernelRef in_parts;  ///< where some have
+/// Newton's method in velocities, with steps in one precision.
+struct VelocityStepKernels {
+  KernelRef teams{};  ///< a team for each environment                  (kernels/velocity_teams_program.hpp)
+  KernelRef lanes{};  ///< after them, a lane for each that they leave  (kernels/velocity_program.hpp)
 };
 
 /// Newton's method in velocities, in one precision, before the Jacobian form's `place`.
 struct VelocityKernels {
-  VelocityLanes newton;
-  VelocityLanes newton_in_double;  ///< before it, for what a single-precision batch asks of double; else none
-  KernelRef newton_in_blocks;      ///< after it, what it leaves, by teams  (kernels/velocity_blocks_program.hpp)
+  VelocityStepKernels steps;
+  VelocityStepKernels steps_in_double;  ///< before them, for what a single-precision batch asks of double; else none
+  KernelRef in_blocks;  ///< after them, what they leave, by teams  (kernels/velocity_blocks_program.hpp)
 };
 
 struct DerivativePair {

@@ -55,20 +55,28 @@ struct LanePlace {
 template <class Types>
 struct LaneMemory {
   const cuda::LaneRoom& room;
-  Offset team;
+  Offset team_index;
   Index lane;
-  STICTION_HD void* lists(Offset) const { return room.lists + (team * cuda::kWarp + lane) * room.lists_per_lane; }
-  STICTION_HD VelocityWorkspace<Types> numbers(const SlotCounts&, Index, Index) const {
+  static STICTION_HD SerialTeam team() { return {}; }
+  STICTION_HD void* lists(Offset) const { return room.lists + (team_index * cuda::kWarp + lane) * room.lists_per_lane; }
+  template <class Lists>
+  static STICTION_HD bool has_room(const Lists&, const SlotCounts&) {
+    return true;
+  }
+  template <class Lists>
+  STICTION_HD VelocityWorkspace<Types> numbers(const Lists&, const SlotCounts&) const {
     return make<VelocityWorkspace<Types>>();
   }
-  STICTION_HD JacobianVjpWorkspace<Types> jacobian_vjp_numbers(const SlotCounts&, Index, Index) const {
+  template <class Lists>
+  STICTION_HD JacobianVjpWorkspace<Types> jacobian_vjp_numbers(const Lists&, const SlotCounts&) const {
     return make<JacobianVjpWorkspace<Types>>();
   }
 
  private:
   template <class Workspace>
   STICTION_HD Workspace make() const {
-    return Workspace(room.numbers + team * room.numbers_per_team, room.largest, room.dofs, room.tree_entries, lane);
+    return Workspace(room.numbers + team_index * room.numbers_per_team, room.largest, room.dofs, room.tree_entries,
+                     lane);
   }
 };
 

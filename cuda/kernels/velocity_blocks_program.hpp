@@ -34,7 +34,7 @@ struct SolveVelocityBlocks {
   static STICTION_HD void run(TeamT& team, const cuda::TeamId& id, const Args& args) {
     const VelocityJob<Real>& job = args.job;
     for (Offset env = id.index; env < job.batch.env_count; env += id.count) {
-      const bool is_left = job.answered[env] == 0 && (args.arrays.flags[env] & kNotAssembled) == 0;
+      const bool is_left = (job.answered[env] & kAnswered) == 0 && (args.arrays.flags[env] & kNotAssembled) == 0;
       if (!is_left || !takes_form(job.batch, env)) continue;
       const LaneEnv<Real> whole = lane_env(job.batch, env);
       if (!takes_blocks(whole)) continue;

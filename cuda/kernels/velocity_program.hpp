@@ -20,11 +20,11 @@ struct VelocityArgs : LaneRoom {
 
 namespace stiction::inline STICTION_ISA {
 
-/// One lane per environment, before anything is assembled. What is solved has no part in that. `Number`: in which
-/// steps are taken. With the batch's own, environments that ask for double are taken if a kernel before has left them.
-/// `kInParts`: also environments of more than kMostVelocityDofs, one of their parts after the other. They take code and
-/// memory that a batch without them shall not pay for.
-template <class Real, class Number, bool kInParts>
+/// One lane per environment that teams have left, before anything is assembled. These are beyond a team's memory, or
+/// have more than kMostVelocityDofs: then the lane takes one of their parts after the other. `Number`: in
+/// which steps are taken. With the batch's own, environments that ask for double are taken if a kernel before has left
+/// them.
+template <class Real, class Number>
 struct SolveVelocities {
   using Args = cuda::VelocityArgs<Real>;
   using Types = LaneTypes<Number, cuda::kWarp, DofSet, Real>;
@@ -40,7 +40,7 @@ struct SolveVelocities {
     part.result = &result;
     if (part.dofs <= kMostVelocityDofs)
       solve_pack<Types>(place.args.job, &part, 1, LaneMemory<Types>{place.args, place.team, place.lane});
-    else if constexpr (kInParts)
+    else
       solve_pack<Large>(place.args.job, &part, 1, LaneMemory<Large>{place.args, place.team, place.lane});
     return result;
   }
@@ -50,7 +50,7 @@ struct SolveVelocities {
     const LaneEnv<Real> whole = lane_env(args.job.batch, env);
     if (whole.dofs <= kMostVelocityDofs) {
       if (takes_size(args.job.batch, whole, args.job.law)) finish(args.job, env, solve(whole, place));
-    } else if constexpr (kInParts) {
+    } else {
       solve_in_parts(env, place);
     }
   }
@@ -68,8 +68,9 @@ struct SolveVelocities {
 
   static STICTION_HD bool takes(const Args& args, Offset env) {
     const bool in_double = steps_in_double(args.job, env);
-    if constexpr (sizeof(Number) > sizeof(Real)) return in_double;
-    return !in_double || (args.job.answered[env] == 0 && is_tried_again(lane_env(args.job.batch, env)));
+    if constexpr (sizeof(Number) > sizeof(Real)) return in_double && (args.job.answered[env] & kTriedInDouble) == 0;
+    if ((args.job.answered[env] & (kAnswered | kTried)) != 0) return false;
+    return !in_double || is_tried_again(lane_env(args.job.batch, env));
   }
 
   template <Team TeamT>

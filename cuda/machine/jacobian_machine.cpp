@@ -8,6 +8,7 @@
 #include "core/machine/count_captured_call.hpp"
 #include "cuda/kernels/jacobian_program.hpp"
 #include "cuda/machine/memory_limits.hpp"
+#include "cuda/machine/velocity_teams.hpp"
 #include "stiction/error.hpp"
 
 namespace stiction {
@@ -33,6 +34,15 @@ const JacobianKernels& kernels_of(const DeviceApi& api) {
 template <class Real>
 const VelocityKernels& velocity_kernels_of(const DeviceApi& api) {
   return api.kernels().velocity[sizeof(Real) == sizeof(float) ? 0 : 1];
+}
+
+/// Stands for every type of team in sizes.
+struct EveryTeam : SerialTeam {};
+
+/// Most fast memory that such teams can have on a device, if a block is as small as it may be.
+std::size_t most_shared_bytes(const DeviceFacts& facts, int lanes) {
+  const auto teams = static_cast<std::size_t>(lanes < kWarp ? kWarp / lanes : 1);
+  return (facts.shared_bytes / teams - kTeamBytes) / 16 * 16;
 }
 
 /// The one team that decides where each environment begins.
@@ -99,21 +109,42 @@ DeviceJacobianMachine<Real>::DeviceJacobianMachine(std::shared_ptr<DeviceApi> ap
   api_->prepare(kernels.place, kPlacing);
   api_->prepare(kernels.write, large_);
   api_->prepare(kernels.move, large_);
-  if (by_newton)
-    for (const KernelRef& kernel : {newton_kernel_, double_kernel_}) api_->prepare(kernel, newton_shape_);
-  if (block_shape_.teams > 0) api_->prepare(velocity_kernels_of<Real>(*api_).newton_in_blocks, block_shape_);
+  if (by_newton) prepare_newton();
 }
 
-/// A lane's numbers are laid out for the largest environment that the method takes.
+template <class Real>
+void DeviceJacobianMachine<Real>::prepare_newton() {
+  const VelocityKernels& kernels = velocity_kernels_of<Real>(*api_);
+  for (const VelocityStepKernels* steps : {&kernels.steps, &kernels.steps_in_double}) {
+    if (steps->teams.entry == nullptr) continue;
+    for (const LaunchShape& shape : team_shapes_) api_->prepare(steps->teams, shape);
+    if (lane_shape_.teams > 0) api_->prepare(steps->lanes, lane_shape_);
+  }
+  if (block_shape_.teams > 0) api_->prepare(kernels.in_blocks, block_shape_);
+}
+
+/// Teams have memory of their own, up to what the device has. A lane's numbers are laid out for the largest environment
+/// that teams may leave.
 template <class Real>
 void DeviceJacobianMachine<Real>::reserve_newton(const JacobianCapacity& capacity) {
   const bool has_large = capacity.env_dofs > kMostVelocityDofs;
-  const VelocityKernels& kernels = velocity_kernels_of<Real>(*api_);
-  const auto of_size = [&](const VelocityLanes& lanes) { return has_large ? lanes.in_parts : lanes.whole; };
-  newton_kernel_ = of_size(kernels.newton);
-  double_kernel_ = sizeof(Real) == sizeof(float) ? of_size(kernels.newton_in_double) : newton_kernel_;
-  // Where steps are in double a lane's numbers take more room.
-  using InDouble = typename SolveVelocities<Real, double, true>::Types;
+  set_.add(arrays_.env_row_counts, capacity.envs);
+  set_.add(arrays_.env_cone_counts, capacity.envs);
+  set_.add(arrays_.answered, capacity.envs);
+  set_.add(arrays_.status, capacity.envs);
+  if (has_large) reserve_blocks(capacity);
+  // Where steps are in double numbers take more room.
+  using TeamTypes = LaneTypes<double, 1, DofSet, Real, EveryTeam>;
+  bool covers_all = false;
+  for (const VelocityTeamLimits& limits : kVelocityTeams) {
+    if (covers_all) break;
+    const std::size_t most = most_team_bytes<TeamTypes>(capacity.env_rows, capacity.env_dofs, limits.lanes);
+    const std::size_t room = smaller_of(smaller_of(most, limits.bytes), most_shared_bytes(api_->facts(), limits.lanes));
+    team_shapes_.push_back({capacity.envs, limits.lanes, room});
+    covers_all = room == most;
+  }
+  if (covers_all && !has_large) return;
+  using InDouble = typename SolveVelocities<Real, double>::Types;
   static_cast<LaneRoom&>(newton_) = lay_out_lanes<VelocityWorkspace<InDouble>>(capacity.env_rows, capacity.env_dofs);
   newton_.islands_per_lane = has_large ? DofIslands<Real>::integers(capacity.env_dofs, capacity.env_rows) : 0;
   const Offset lane_bytes = static_cast<Offset>(sizeof(Offset)) * newton_.lists_per_lane +
@@ -121,16 +152,11 @@ void DeviceJacobianMachine<Real>::reserve_newton(const JacobianCapacity& capacit
   const Offset team_bytes = static_cast<Offset>(sizeof(double)) * newton_.numbers_per_team + kWarp * lane_bytes;
   const Offset wanted = (capacity.envs + kWarp - 1) / kWarp,
                fitting = larger_of<Offset>(1, most_scratch_bytes(api_->facts()) / team_bytes);
-  newton_shape_.teams = smaller_of(wanted, smaller_of(fitting, kTeamsPerProcessor * api_->facts().processors));
-  newton_shape_.lanes = kWarp;
-  if (has_large) reserve_blocks(capacity);
-  set_.add(arrays_.env_row_counts, capacity.envs);
-  set_.add(arrays_.env_cone_counts, capacity.envs);
-  set_.add(arrays_.answered, capacity.envs);
-  set_.add(arrays_.status, capacity.envs);
-  set_.add(newton_.numbers, newton_shape_.teams * newton_.numbers_per_team);
-  set_.add(newton_.lists, newton_shape_.teams * kWarp * newton_.lists_per_lane);
-  set_.add(newton_.islands, newton_shape_.teams * kWarp * newton_.islands_per_lane);
+  lane_shape_.teams = smaller_of(wanted, smaller_of(fitting, kTeamsPerProcessor * api_->facts().processors));
+  lane_shape_.lanes = kWarp;
+  set_.add(newton_.numbers, lane_shape_.teams * newton_.numbers_per_team);
+  set_.add(newton_.lists, lane_shape_.teams * kWarp * newton_.lists_per_lane);
+  set_.add(newton_.islands, lane_shape_.teams * kWarp * newton_.islands_per_lane);
 }
 
 /// Memory of the teams that solve in blocks, each of which takes one environment after the other.
@@ -151,24 +177,38 @@ void DeviceJacobianMachine<Real>::reserve_blocks(const JacobianCapacity& capacit
 
 template <class Real>
 void DeviceJacobianMachine<Real>::launch_newton(const VelocityJob<Real>& job, StreamHandle stream) {
-  VelocityArgs<Real> args = newton_;
-  args.job = job;
-  args.job.to.status = arrays_.status;
-  args.job.answered = arrays_.answered;
-  args.arrays = arrays_;
-  LaunchShape shape = newton_shape_;
-  shape.teams = smaller_of(shape.teams, (job.batch.env_count + kWarp - 1) / kWarp);
+  const VelocityKernels& kernels = velocity_kernels_of<Real>(*api_);
+  VelocityJob<Real> own = job;
+  own.to.status = arrays_.status;
+  own.answered = arrays_.answered;
   // Tolerances of environments are on the device, so that some of them may ask for steps in double.
   const bool may_ask = job.tolerance < kLeastSingle || job.batch.env_tolerance != nullptr;
-  if (sizeof(Real) == sizeof(float) && may_ask) api_->launch(double_kernel_, shape, &args, stream);
-  api_->launch(newton_kernel_, shape, &args, stream);
+  if (sizeof(Real) == sizeof(float) && may_ask) launch_steps(kernels.steps_in_double, own, stream);
+  launch_steps(kernels.steps, own, stream);
   if (block_shape_.teams == 0) return;
   VelocityBlocksArgs<Real> blocks = blocks_;
-  blocks.job = args.job;
+  blocks.job = own;
   blocks.arrays = arrays_;
-  shape = block_shape_;
+  LaunchShape shape = block_shape_;
   shape.teams = smaller_of(shape.teams, job.batch.env_count);
-  api_->launch(velocity_kernels_of<Real>(*api_).newton_in_blocks, shape, &blocks, stream);
+  api_->launch(kernels.in_blocks, shape, &blocks, stream);
+}
+
+template <class Real>
+void DeviceJacobianMachine<Real>::launch_steps(const VelocityStepKernels& kernels, const VelocityJob<Real>& job,
+                                               StreamHandle stream) {
+  for (LaunchShape shape : team_shapes_) {
+    const VelocityTeamArgs<Real> args{job, arrays_, static_cast<Offset>(shape.shared_bytes)};
+    shape.teams = smaller_of(shape.teams, job.batch.env_count);
+    api_->launch(kernels.teams, shape, &args, stream);
+  }
+  if (lane_shape_.teams == 0) return;
+  VelocityArgs<Real> args = newton_;
+  args.job = job;
+  args.arrays = arrays_;
+  LaunchShape shape = lane_shape_;
+  shape.teams = smaller_of(shape.teams, (job.batch.env_count + kWarp - 1) / kWarp);
+  api_->launch(kernels.lanes, shape, &args, stream);
 }
 
 template <class Real>

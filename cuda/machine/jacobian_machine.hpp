@@ -1,16 +1,18 @@
 #pragma once
 
 #include <memory>
+#include <vector>
 
 #include "core/machine/jacobian_machine.hpp"
 #include "cuda/api/kernel_catalogue.hpp"
 #include "cuda/api/memory.hpp"
 #include "cuda/kernels/velocity_blocks_program.hpp"
 #include "cuda/kernels/velocity_program.hpp"
+#include "cuda/kernels/velocity_teams_program.hpp"
 
 namespace stiction::cuda {
 
-/// Solves Jacobian batches on a device: three launches assemble, one writes, and one to three run Newton's method in
+/// Solves Jacobian batches on a device: three launches assemble, one writes, and one to seven run Newton's method in
 /// velocities. Memory is allocated when it is made.
 template <class Real>
 class DeviceJacobianMachine final : public JacobianMachine<Real> {
@@ -33,6 +35,8 @@ class DeviceJacobianMachine final : public JacobianMachine<Real> {
   void reserve_newton(const JacobianCapacity& capacity);
   void reserve_blocks(const JacobianCapacity& capacity);
   void launch_newton(const VelocityJob<Real>& job, StreamHandle stream);
+  void launch_steps(const VelocityStepKernels& kernels, const VelocityJob<Real>& job, StreamHandle stream);
+  void prepare_newton();
   void finish(StreamHandle stream) noexcept;
   template <class Work>
   void queue(StreamHandle stream, const Work& work);
@@ -41,10 +45,10 @@ class DeviceJacobianMachine final : public JacobianMachine<Real> {
   JacobianArrays<Real> arrays_{};
   Real* scratch_ = nullptr;  ///< of each team, null: in fast memory                   (teams * slot)
   Offset slot_ = 0;
-  bool is_counted_ = false;                      ///< solve_velocities() has counted the environments of this solve
-  LaunchShape small_, large_;                    ///< of counting; of assembling and moving
-  KernelRef newton_kernel_{}, double_kernel_{};  ///< steps in the batch's precision, and in double
-  LaunchShape newton_shape_, block_shape_;
+  bool is_counted_ = false;               ///< solve_velocities() has counted the environments of this solve
+  LaunchShape small_, large_;             ///< of counting; of assembling and moving
+  std::vector<LaunchShape> team_shapes_;  ///< of Newton's teams, the smallest fast memory first
+  LaunchShape lane_shape_, block_shape_;  ///< of what they leave
   VelocityBlocksArgs<Real> blocks_{};
   VelocityArgs<Real> newton_{};  ///< memory of Newton's method in velocities, and how it is laid out
   ArraySet set_;

@@ -138,9 +138,10 @@ TEST(VelocityLanes, LikeEnvironmentsAreFound) {
   const auto view = batch.view();
   std::vector<SlotItem<DofSet>> items(3 * kEnvs);
   std::vector<Likeness> keys;
+  SerialTeam alone;
   for (Offset env = 0; env < kEnvs; ++env) {
     const LaneEnv<double> one = lane_env(view, env);
-    list_items(view, one, items.data() + 3 * env);
+    list_items(alone, view, one, items.data() + 3 * env);
     keys.push_back(likeness_of(items.data() + 3 * env, 3, one.dofs, env >= 12, static_cast<Index>(env)));
   }
   std::sort(keys.begin(), keys.end());
@@ -222,7 +223,8 @@ Index tree_entries(const JacobianEnvironment<double>& env, MassForm form) {
   JacobianBatch<double> batch(Law::convex, form);
   batch.add(in_form(env, form));
   DofSet coupled[kMostVelocityDofs] = {};
-  add_mass_dofs(lane_env(batch.view(), 0), coupled);
+  SerialTeam alone;
+  add_mass_dofs(alone, lane_env(batch.view(), 0), coupled);
   const auto tree = std::make_unique<DofTree<DofSet>>();
   Slot<1, DofSet>* const no_slots = nullptr;
   EXPECT_TRUE(build_tree(*tree, static_cast<Index>(env.v_free.size()), coupled, no_slots, 0));

@@ -111,7 +111,8 @@ struct JacobianVjpHalf {
     const Doubles H = hessian();
     for (Index e = 0; e < tree.entries; ++e) H.put(e, number(workspace.M, e));
     HessianRows<JacobianVjpHalf>{*this}.add();
-    return factor_tree(tree, H, array(workspace.system_pivot));
+    SerialTeam team;
+    return factor_tree(team, tree, H, array(workspace.system_pivot));
   }
 
   /// sum += J' in of one slot, in[k] its rows'.
@@ -149,7 +150,8 @@ struct JacobianVjpHalf {
       for (int k = 0; k < kRows; ++k) out[k] = number(workspace.w_bar(), slot.row + k) - out[k];
       push_rows<kRows>(slot, a, out);
     });
-    solve_tree(tree, hessian(), array(workspace.system_pivot), a);
+    SerialTeam team;
+    solve_tree(team, tree, hessian(), array(workspace.system_pivot), a);
   }
 
   /// nu and image at the adjoint velocity, and force = v_bar + J' nu, which is M a of the exact one.
@@ -199,7 +201,8 @@ struct JacobianVjpHalf {
   /// adjoint += H^-1 of what adjoint_residual() left, in the lanes of `where`.
   STICTION_HD_OUTLINE void refine(Mask<Double> where) const {
     const Doubles a = array(workspace.adjoint), left = array(workspace.scratch);
-    solve_tree(tree, hessian(), array(workspace.system_pivot), left);
+    SerialTeam team;
+    solve_tree(team, tree, hessian(), array(workspace.system_pivot), left);
     for (Index k = 0; k < tree.dofs; ++k) a.put(k, select(where, a[k] + left[k], a[k]));
   }
 };

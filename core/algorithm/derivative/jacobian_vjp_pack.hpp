@@ -209,8 +209,7 @@ STICTION_HD_OUTLINE void jacobian_vjp_pack(const JacobianVjpJob<typename Types::
   const bool fits = with_pack<Types>(
       job.assembly.batch, members, count, memory,
       [&](const auto& envs, const auto& lists, const auto& counts) {
-        const JacobianVjpWorkspace<Types> workspace =
-            memory.jacobian_vjp_numbers(counts, lists.tree.dofs, lists.tree.entries);
+        const JacobianVjpWorkspace<Types> workspace = memory.jacobian_vjp_numbers(lists, counts);
         JacobianVjpPack<Types>(job, envs, lists.tree, lists.slots, counts, workspace, results).run();
       },
       listed);

@@ -86,7 +86,7 @@ STICTION_HD void count_env(TeamT& team, const JacobianBatchJob<Real>& job, Offse
 /// Whether an environment has its answer, so that nothing is assembled of it.
 template <class Real>
 STICTION_HD bool is_answered(const JacobianArrays<Real>& arrays, Offset env) {
-  return arrays.answered != nullptr && arrays.answered[env] != 0;
+  return arrays.answered != nullptr && (arrays.answered[env] & kAnswered) != 0;
 }
 
 /// After Newton's method in velocities: what has its answer takes no room and has no rows.

@@ -23,12 +23,21 @@ struct PackLists {
            column_room<Set>(cones) * static_cast<Offset>(sizeof(Small));
   }
   /// Lists in memory of that size, aligned as an Offset is.
-  static STICTION_HD PackLists* in(void* memory, Offset cones) {
+  template <Team TeamT>
+  static STICTION_HD PackLists* in(TeamT& team, void* memory, Offset cones) {
     auto* const lists = static_cast<PackLists*>(memory);
-    lists->items = reinterpret_cast<Item*>(lists + 1);
-    lists->slots = reinterpret_cast<OneSlot*>(lists->items + cones);
-    lists->columns = reinterpret_cast<Small*>(lists->slots + cones);
+    single(team, [&] {
+      lists->items = reinterpret_cast<Item*>(lists + 1);
+      lists->slots = reinterpret_cast<OneSlot*>(lists->items + cones);
+      lists->columns = reinterpret_cast<Small*>(lists->slots + cones);
+    });
     return lists;
+  }
+  /// Behind the columns of all slots.
+  [[nodiscard]] STICTION_HD const Small* end(const SlotCounts& counts) const {
+    if (counts.slots == 0) return columns;
+    const OneSlot& last = slots[counts.slots - 1];
+    return last.depth + last.columns;
   }
   static_assert(alignof(OneSlot) <= alignof(Offset) && alignof(Item) <= alignof(Offset));
 };
@@ -51,7 +60,8 @@ template <class Types>
 using ListedCones = const SlotItem<typename Types::Set>* const*;
 
 /// run(envs, lists, counts) for up to kLanes environments, or parts of some, each of a size that lanes take; large ones
-/// alone. Whether there was room for their lists, which memory.lists(bytes) is for; else it is not called.
+/// alone, by memory.team(). Whether there was room for their lists, which memory.lists(bytes) is for; else it is not
+/// called.
 template <class Types, class Memory, class Run>
 STICTION_HD bool with_pack(const JacobianBatchView<typename Types::Real>& batch,
                            const LaneEnv<typename Types::Real>* members, Index count, Memory&& memory, Run&& run,
@@ -70,25 +80,31 @@ STICTION_HD bool with_pack(const JacobianBatchView<typename Types::Real>& batch,
   }
   using Set = typename Types::Set;
   using Lists = PackLists<kLanes, Set>;
-  Lists& lists = *Lists::in(memory.lists(Lists::bytes(all_cones)), all_cones);
+  auto&& team = memory.team();
+  Lists& lists = *Lists::in(team, memory.lists(Lists::bytes(all_cones)), all_cones);
   const SlotItem<Set>* items[kLanes] = {};
   SlotItem<Set>* next = lists.items;
-  for (Index k = 0; k < dofs; ++k) lists.coupled[k] = Set{};
+  for_each(team, dofs, [&](Index k) { lists.coupled[k] = Set{}; });
   for (Index l = 0; l < count; ++l) {
     items[l] = listed != nullptr ? listed[l] : next;
-    if (listed == nullptr) list_items(batch, envs[l], next);
+    if (listed == nullptr) list_items(team, batch, envs[l], next);
     next += cones[l];
-    add_mass_dofs(envs[l], lists.coupled);
+    add_mass_dofs(team, envs[l], lists.coupled);
   }
-  const SlotCounts counts = merge_items<kLanes, Set>(items, cones, lists.slots, lists.columns);
-  if (!counts.fits || !build_tree(lists.tree, dofs, lists.coupled, lists.slots, counts.slots)) return false;
+  const SlotCounts counts =
+      team.broadcast([&] { return merge_items<kLanes, Set>(items, cones, lists.slots, lists.columns); });
+  if (!counts.fits) return false;
+  const bool has_tree =
+      team.broadcast([&] { return build_tree(lists.tree, dofs, lists.coupled, lists.slots, counts.slots); });
+  if (!has_tree) return false;
   run(envs, lists, counts);
   return true;
 }
 
 /// Solves up to kLanes environments, or parts of some, each of a size that the method takes; large ones alone. What
-/// became of each is in its `result`. memory.lists(bytes) is for PackLists, memory.numbers(counts, dofs, tree entries)
-/// makes the workspace. `listed`: their cones, where they are known.
+/// became of each is in its `result`. memory.team() solves them together, memory.lists(bytes) is for PackLists, and
+/// memory.numbers(lists, counts) makes the workspace if memory.has_room(lists, counts). `listed`: their cones, where
+/// they are known.
 template <class Types, class Memory>
 STICTION_HD_OUTLINE void solve_pack(const VelocityJob<typename Types::Real>& job,
                                     const LaneEnv<typename Types::Real>* members, Index count, Memory&& memory,
@@ -97,10 +113,10 @@ STICTION_HD_OUTLINE void solve_pack(const VelocityJob<typename Types::Real>& job
   with_pack<Types>(
       job.batch, members, count, memory,
       [&](const auto& envs, const auto& lists, const auto& counts) {
-        const Index dofs = lists.tree.dofs;
-        if (dofs > kMostVelocityDofs && !pays_when_large(lists.tree, lists.slots, counts)) return;
+        if (lists.tree.dofs > kMostVelocityDofs && !pays_when_large(lists.tree, lists.slots, counts)) return;
+        if (!memory.has_room(lists, counts)) return;
         is_taken = true;
-        const VelocityWorkspace<Types> workspace = memory.numbers(counts, dofs, lists.tree.entries);
+        const VelocityWorkspace<Types> workspace = memory.numbers(lists, counts);
         VelocityNewton<Types>(job, envs, lists.tree, lists.slots, counts, workspace).run();
       },
       listed);

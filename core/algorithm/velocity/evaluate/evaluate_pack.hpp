@@ -3,6 +3,7 @@
 #include "core/algorithm/newton/cone_response.hpp"
 #include "core/algorithm/residual/final_residual.hpp"
 #include "core/algorithm/velocity/evaluate/newton_progress.hpp"
+#include "core/algorithm/velocity/evaluate/pack_diagonal.hpp"
 #include "core/algorithm/velocity/evaluate/pack_islands.hpp"
 #include "core/algorithm/velocity/load/load_pack.hpp"
 
@@ -36,16 +37,15 @@ struct DoublePack {
   /// rounded once, and no evaluation uses them.
   STICTION_HD_OUTLINE Mask<Double> factor_mass() const {
     const Doubles factor = array(workspace.factor);
-    const auto load = [&] {
-      for (Index e = 0; e < tree.entries; ++e) factor.put(e, number(workspace.M, e));
-    };
+    auto&& team = workspace.team();
+    const auto load = [&] { for_each(team, tree.entries, [&](Index e) { factor.put(e, number(workspace.M, e)); }); };
     load();
-    if (mass == MassForm::matrix) return factor_tree(tree, factor, array(workspace.pivot));
-    multiply_tree(tree, factor);
-    for (Index e = 0; e < tree.entries; ++e) put(workspace.H, e, factor[e]);
+    if (mass == MassForm::matrix) return factor_tree(team, tree, factor, array(workspace.pivot));
+    multiply_tree(team, tree, factor);
+    for_each(team, tree.entries, [&](Index e) { put(workspace.H, e, factor[e]); });
     load();
-    const auto definite = split_pivots(tree, factor, array(workspace.pivot));
-    for (Index e = 0; e < tree.entries; ++e) put(workspace.M, e, number(workspace.H, e));
+    const auto definite = split_pivots(team, tree, factor, array(workspace.pivot));
+    for_each(team, tree.entries, [&](Index e) { put(workspace.M, e, number(workspace.H, e)); });
     return definite;
   }
 
@@ -58,19 +58,22 @@ struct DoublePack {
     for (Index k = 0; k < slot.rows; ++k) {
       const Double x = sign * number(workspace.x, slot.row + k);
       const Offset entry = slot.entry + static_cast<Offset>(k) * slot.columns;
-      for (Index c = 0; c < slot.columns; ++c)
+      workspace.share(slot.columns, [&](Index c) {
         sum.put(slot.dof[c], fma_(number(workspace.J, entry + c), x, sum[slot.dof[c]]));
+      });
     }
+    workspace.sync();
   }
 
   /// velocity = v_free + M^-1 J' x.
   STICTION_HD_OUTLINE void move() const {
     const Doubles pushed = array(workspace.scratch);
-    for (Index k = 0; k < tree.dofs; ++k) pushed.put(k, Double(0));
+    workspace.each(tree.dofs, [&](Index k) { pushed.put(k, Double(0)); });
     for (Index s = 0; s < counts.slots; ++s) push(slots[s], pushed, Double(1));
-    solve_tree(tree, array(workspace.factor), array(workspace.pivot), pushed);
+    auto&& team = workspace.team();
+    solve_tree(team, tree, array(workspace.factor), array(workspace.pivot), pushed);
     const Doubles velocity = array(workspace.velocity);
-    for (Index k = 0; k < tree.dofs; ++k) velocity.put(k, number(workspace.v_free, k) + pushed[k]);
+    workspace.each(tree.dofs, [&](Index k) { velocity.put(k, number(workspace.v_free, k) + pushed[k]); });
   }
 
   /// J velocity - target of a row.
@@ -86,17 +89,19 @@ struct DoublePack {
   STICTION_HD_OUTLINE void refresh_motion() const {
     const Doubles v = array(workspace.v);
     const typename Types::Numbers& dv = workspace.dv;
-    for (Index k = 0; k < tree.dofs; ++k) v.put(k, v[k] + number(dv, k));
-    for (Index s = 0; s < counts.slots; ++s)
+    workspace.each(tree.dofs, [&](Index k) { v.put(k, v[k] + number(dv, k)); });
+    workspace.each(counts.slots, [&](Index s) {
       for (Index k = 0; k < slots[s].rows; ++k) {
         const Index row = slots[s].row + k;
         put(workspace.z, row, row_motion(slots[s], k, v) + number(workspace.shift, row));
       }
+    });
   }
 
   /// step = v - v_free.
   STICTION_HD void write_change() const {
-    for (Index k = 0; k < tree.dofs; ++k) put(workspace.step, k, array(workspace.v)[k] - number(workspace.v_free, k));
+    workspace.each(tree.dofs,
+                   [&](Index k) { put(workspace.step, k, array(workspace.v)[k] - number(workspace.v_free, k)); });
   }
 
   /// gradient = M (v - v_free) - J' x.
@@ -104,96 +109,61 @@ struct DoublePack {
     const Doubles v = array(workspace.v), sum = array(workspace.scratch);
     push_mass(sum, [&](Index k) { return v[k] - number(workspace.v_free, k); });
     for (Index s = 0; s < counts.slots; ++s) push(slots[s], sum, Double(-1));
-    for (Index k = 0; k < tree.dofs; ++k) put(workspace.gradient, k, sum[k]);
+    workspace.each(tree.dofs, [&](Index k) { put(workspace.gradient, k, sum[k]); });
   }
 
-  /// sum = M change.
+  /// sum = M change. A row adds to its ancestors' what its column says once they have what their rows say.
   template <class F>
   STICTION_HD void push_mass(const Doubles& sum, F&& change) const {
-    for (Index k = 0; k < tree.dofs; ++k) sum.put(k, Double(0));
     if (mass == MassForm::factor) {
       push_change(sum, change);
       return;
     }
-    for (Index k = 0; k < tree.dofs; ++k) {
-      const Index row = tree.begin[k];
+    workspace.each(tree.dofs, [&](Index k) {
+      const typename Types::Numbers row = workspace.M.from(tree.begin[k]);
       const SmallOf<Types>* const path = tree.path(k);
-      const Double own = change(k);
-      Double force = number(workspace.M, row + tree.depth[k]) * own;
-      for (Index d = tree.first(k); d < tree.depth[k]; ++d) {
-        const Double entry = number(workspace.M, row + d);
-        force = fma_(entry, change(path[d]), force);
-        sum.put(path[d], fma_(entry, own, sum[path[d]]));
-      }
-      sum.put(k, sum[k] + force);
+      Double force = number(row, tree.depth[k]) * change(k);
+      for (Index d = tree.first(k); d < tree.depth[k]; ++d) force = fma_(number(row, d), change(path[d]), force);
+      sum.put(k, Double(0) + force);
+    });
+    for (Index k = 0; k < tree.dofs; ++k) {
+      const typename Types::Numbers row = workspace.M.from(tree.begin[k]);
+      push_column(sum, k, change(k), [&](Index d) { return number(row, d); });
     }
+  }
+  /// sum += amount times the entries that row k has for its ancestors.
+  template <class F>
+  STICTION_HD void push_column(const Doubles& sum, Index k, Double amount, F&& entry) const {
+    const SmallOf<Types>* const path = tree.path(k);
+    const Index begin = tree.first(k);
+    workspace.each(tree.depth[k] - begin, [&](Index i) {
+      const Index to = path[begin + i];
+      sum.put(to, fma_(entry(begin + i), amount, sum[to]));
+    });
   }
 
   /// sum += L'DL change, by the factor that evaluations move v with: where the gradient is zero, they find v. It takes
   /// as many multiplications as M does, and M as rounded would be another problem.
   template <class F>
   STICTION_HD void push_change(const Doubles& sum, F&& change) const {
-    const Doubles factor = array(workspace.factor);
-    for (Index k = 0; k < tree.dofs; ++k) {
+    const Doubles factor = array(workspace.factor), force = array(workspace.wide_rows);
+    workspace.each(tree.dofs, [&](Index k) {
       const Doubles row = factor.from(tree.begin[k]);
       const SmallOf<Types>* const path = tree.path(k);
-      Double force = change(k);
-      for (Index d = tree.first(k); d < tree.depth[k]; ++d) force = fma_(row[d], change(path[d]), force);
-      force = row[tree.depth[k]] * force;
-      for (Index d = tree.first(k); d < tree.depth[k]; ++d) sum.put(path[d], fma_(row[d], force, sum[path[d]]));
-      sum.put(k, sum[k] + force);
+      Double own = change(k);
+      for (Index d = tree.first(k); d < tree.depth[k]; ++d) own = fma_(row[d], change(path[d]), own);
+      own = row[tree.depth[k]] * own;
+      force.put(k, own);
+      sum.put(k, Double(0) + own);
+    });
+    for (Index k = 0; k < tree.dofs; ++k) {
+      const Doubles row = factor.from(tree.begin[k]);
+      push_column(sum, k, force[k], [&](Index d) { return row[d]; });
     }
   }
 
   /// The diagonal of A = J M^-1 J'.
-  STICTION_HD_OUTLINE void find_diagonal() const {
-    for (Index s = 0; s < counts.slots;) {
-      const auto& slot = slots[s];
-      s += run_of(slots, s, counts.slots);
-      const Index rows = slots[s - 1].row + slots[s - 1].rows - slot.row;
-      Index k = 0;
-      for (; k + 3 <= rows; k += 3) find_diagonal_of<3>(slot, k);
-      for (; k < rows; ++k) find_diagonal_of<1>(slot, k);
-    }
-  }
-
-  /// Of kRows rows of a slot from row `from` on: sum of (L^-T j)^2 / D, each element in turn along the root path.
-  template <int kRows>
-  STICTION_HD void find_diagonal_of(const SlotOf<Types>& slot, Index from) const {
-    const Doubles L = array(workspace.factor), pivot = array(workspace.pivot), x = array(workspace.wide_rows);
-    const Index last = slot.columns == 0 ? 0 : slot.dof[slot.columns - 1];
-    const SmallOf<Types>* const path = tree.path(last);
-    for (Index d = 0; d < kRows * (tree.depth[last] + 1); ++d) x.put(d, Double(0));
-    for (int r = 0; r < kRows; ++r) {
-      const Offset entry = slot.entry + static_cast<Offset>(from + r) * slot.columns;
-      for (Index c = 0; c < slot.columns; ++c) x.put(kRows * slot.depth[c] + r, number(workspace.J, entry + c));
-    }
-    Double sum[kRows];
-    for (int r = 0; r < kRows; ++r) sum[r] = Double(0);
-    for (Index e = tree.depth[last]; e >= 0; --e) {
-      Double minus[kRows];
-      for (int r = 0; r < kRows; ++r) {
-        const Double value = x[kRows * e + r];
-        sum[r] = fma_(value * value, pivot[path[e]], sum[r]);
-        minus[r] = Double(0) - value;
-      }
-      if constexpr (!TreeOf<Types>::kIsWhole)
-        if (!any_nonzero(minus)) continue;
-      const Doubles row = L.from(tree.begin[path[e]]);
-      for (Index d = tree.first(path[e]); d < e; ++d) {
-        const Double entry = row[d];
-        for (int r = 0; r < kRows; ++r) x.put(kRows * d + r, fma_(minus[r], entry, x[kRows * d + r]));
-      }
-    }
-    for (int r = 0; r < kRows; ++r) array(workspace.diagonal).put(slot.row + from + r, sum[r]);
-  }
-
-  template <int kRows>
-  static STICTION_HD bool any_nonzero(const Double (&numbers)[kRows]) {
-    bool found = false;
-    for (int r = 0; r < kRows; ++r) found = found || any(numbers[r] != Double(0));
-    return found;
-  }
+  STICTION_HD_OUTLINE void find_diagonal() const { PackDiagonal<DoublePack>{*this}.find(); }
 
   /// Lanes whose row of A has a diagonal that is not positive, and those to which a proximal term was given.
   struct LawLanes {
@@ -250,37 +220,40 @@ struct DoublePack {
   STICTION_HD_OUTLINE LawLanes set_laws() const {
     const auto none = Double(0) > Double(0);
     LawLanes lanes{none, none};
-    for (Index s = 0; s < counts.slots; ++s) set_law(s, lanes);
-    return lanes;
+    workspace.each(counts.slots, [&](Index s) { set_law(s, lanes); });
+    return {not_(workspace.all(not_(lanes.bad))), not_(workspace.all(not_(lanes.proximal)))};
   }
 
   /// What errors are measured by: b, which goes to `motion`, metrics of cones, and islands (docs/math/residual.md).
   /// Returns the largest island's error scale.
   STICTION_HD_OUTLINE Double find_scale(Law law) const {
     const Doubles velocity = array(workspace.velocity), motion = array(workspace.motion);
-    for (Index k = 0; k < tree.dofs; ++k) velocity.put(k, number(workspace.v_free, k));
+    workspace.each(tree.dofs, [&](Index k) { velocity.put(k, number(workspace.v_free, k)); });
     Double largest(0);
-    for (Index s = 0; s < counts.slots; ++s)
+    workspace.each(counts.slots, [&](Index s) {
       for (Index k = 0; k < slots[s].rows; ++k) {
         const Double b = row_motion(slots[s], k, velocity);
         motion.put(slots[s].row + k, b);
         largest = max_(abs_(b), largest);
       }
+    });
+    largest = workspace.largest(largest);
     Double unit;
     {
       double units[Types::kDoubleLanes];
       for (int l = 0; l < Types::kDoubleLanes; ++l) units[l] = error_unit(lane_of(largest, l));
       load_lanes(units, unit);
     }
-    array(workspace.error_unit).put(0, unit);
+    workspace.once([&] { array(workspace.error_unit).put(0, unit); });
     Double most(0);
-    for (Index s = 0; s < counts.slots; ++s) {
+    workspace.each(counts.slots, [&](Index s) {
       set_metric(slots[s]);
       const Double own = div_(
           with_law(s, law, [&](auto shape, auto of) { return error_at_rest<decltype(of)::value>(shape, s); }), unit);
-      array(workspace.share).put(s, own);
+      array(workspace.share_of).put(s, own);
       most = max_(own, most);
-    }
+    });
+    most = workspace.largest(most);
     PackIslands<DoublePack>{*this}.weigh(most);
     return most;
   }
@@ -381,18 +354,21 @@ struct DoublePack {
       lo = number(workspace.law, 3 * index + 1);
       hi = number(workspace.law, 3 * index + 2);
     }
-    evaluated.template add<kLaw>(shape, x, y, metric_of(shape, slot), lo, hi, array(workspace.share)[index],
+    evaluated.template add<kLaw>(shape, x, y, metric_of(shape, slot), lo, hi, array(workspace.share_of)[index],
                                  array(workspace.error_unit)[0]);
   }
 
   STICTION_HD_OUTLINE Evaluated evaluate(Law law) const {
     move();
     Evaluated evaluated;
-    for (Index s = 0; s < counts.slots; ++s)
+    workspace.each(counts.slots, [&](Index s) {
       with_law(s, law, [&](auto shape, auto of) {
         evaluate_slot<decltype(of)::value>(shape, s, evaluated);
         return Double(0);
       });
+    });
+    for (Double* own : {&evaluated.square, &evaluated.stuck, &evaluated.plain, &evaluated.size, &evaluated.reaction})
+      *own = workspace.largest(*own);
     return evaluated;
   }
 };

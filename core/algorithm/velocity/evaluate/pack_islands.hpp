@@ -15,15 +15,18 @@ struct PackIslands {
   /// Turns the cones' own error scales, which are in `share`, into shares of `most`, the largest. A scale spreads from
   /// cone to degree of freedom, along M, and to cones, until nothing changes.
   STICTION_HD_OUTLINE void weigh(Double most) const {
-    const Doubles scale = pack.array(pack.workspace.share), reach = pack.array(pack.workspace.scratch);
+    const Doubles scale = pack.array(pack.workspace.share_of), reach = pack.array(pack.workspace.scratch);
     // A slot without a cone in some lane has no diagonal there, and waits for nothing.
-    for (Index s = 0; s < pack.counts.slots; ++s)
+    pack.workspace.each(pack.counts.slots, [&](Index s) {
       scale.put(s, select(pack.press_of(pack.slots[s]) > Double(0), scale[s], most));
+    });
     if (any(behind(scale, most))) raise_neighbours(scale, reach, most);
     while (any(behind(scale, most)) && spread(scale, reach)) {
     }
-    for (Index s = 0; s < pack.counts.slots; ++s)
+    pack.workspace.sync();  // all have looked at the scales
+    pack.workspace.each(pack.counts.slots, [&](Index s) {
       scale.put(s, select(most > Double(0), island_share(most, scale[s]), Double(1)));
+    });
   }
 
  private:
@@ -48,41 +51,44 @@ struct PackIslands {
   /// Raises the scales of cones whose degrees of freedom are joined, from parent to child, with those of a cone of the
   /// largest scale. That is most often all of them, by their first column, and no pass follows.
   STICTION_HD void raise_neighbours(const Doubles& scale, const Doubles& reach, Double most) const {
-    for (Index k = 0; k < pack.tree.dofs; ++k) reach.put(k, Double(0));
+    pack.workspace.each(pack.tree.dofs, [&](Index k) { reach.put(k, Double(0)); });
     for (Index s = 0; s < pack.counts.slots; ++s) {
       const auto is_top = not_(scale[s] < most);
       if (!any(is_top)) continue;
-      for (Index c = 0; c < pack.slots[s].columns; ++c) {
+      pack.workspace.each(pack.slots[s].columns, [&](Index c) {
         const Index dof = pack.slots[s].dof[c];
         reach.put(dof, select(and_(is_top, touches(pack.slots[s], c)), most, reach[dof]));
-      }
+      });
     }
-    for (Index k = pack.tree.dofs; k-- > 0;) spread_along_entry(k, pack.tree.depth[k] - 1, reach);
-    for (Index k = 0; k < pack.tree.dofs; ++k) spread_along_entry(k, pack.tree.depth[k] - 1, reach);
-    for (Index s = 0; s < pack.counts.slots; ++s)
+    pack.workspace.once([&] {
+      for (Index k = pack.tree.dofs; k-- > 0;) spread_along_entry(k, pack.tree.depth[k] - 1, reach);
+      for (Index k = 0; k < pack.tree.dofs; ++k) spread_along_entry(k, pack.tree.depth[k] - 1, reach);
+    });
+    pack.workspace.each(pack.counts.slots, [&](Index s) {
       for (Index c = 0; c < pack.slots[s].columns && any(scale[s] < most); ++c)
         scale.put(s, select(touches(pack.slots[s], c), max_(reach[pack.slots[s].dof[c]], scale[s]), scale[s]));
+    });
   }
 
   /// One pass. Returns true if any scale has grown.
   STICTION_HD bool spread(const Doubles& scale, const Doubles& reach) const {
-    for (Index k = 0; k < pack.tree.dofs; ++k) reach.put(k, Double(0));
+    pack.workspace.each(pack.tree.dofs, [&](Index k) { reach.put(k, Double(0)); });
     for (Index s = 0; s < pack.counts.slots; ++s)
-      for (Index c = 0; c < pack.slots[s].columns; ++c) {
+      pack.workspace.each(pack.slots[s].columns, [&](Index c) {
         const Index dof = pack.slots[s].dof[c];
         reach.put(dof, select(touches(pack.slots[s], c), max_(scale[s], reach[dof]), reach[dof]));
-      }
-    spread_along_mass(reach);
+      });
+    pack.workspace.once([&] { spread_along_mass(reach); });
     auto grown = Double(0) > Double(0);
-    for (Index s = 0; s < pack.counts.slots; ++s) {
+    pack.workspace.each(pack.counts.slots, [&](Index s) {
       const Double own = scale[s];
       Double found = own;
       for (Index c = 0; c < pack.slots[s].columns; ++c)
         found = select(touches(pack.slots[s], c), max_(reach[pack.slots[s].dof[c]], found), found);
       scale.put(s, found);
       grown = or_(grown, found > own);
-    }
-    return any(grown);
+    });
+    return any(not_(pack.workspace.all(not_(grown))));
   }
 
   STICTION_HD void spread_along_mass(const Doubles& reach) const {

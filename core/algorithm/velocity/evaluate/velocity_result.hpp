@@ -19,7 +19,7 @@ STICTION_HD void join(VelocityResult& whole, const VelocityResult& part) {
 /// Writes down whether an environment is answered, and its status if it is.
 template <class Real>
 STICTION_HD void finish(const VelocityJob<Real>& job, Offset env, const VelocityResult& result) {
-  job.answered[env] = result.is_answered ? 1 : 0;
+  job.answered[env] = result.is_answered ? kAnswered : 0;
   if (!result.is_answered) return;
   const std::uint32_t before = job.batch.env_flags == nullptr ? 0U : job.batch.env_flags[env];
   job.to.status[env] = EnvStatus{result.relative,

@@ -7,18 +7,21 @@
 /// J'GJ in the envelope of a tree, G being the slopes of cones (docs/math/velocity_newton.md).
 namespace stiction::inline STICTION_ISA {
 
-/// f(slot, number) for rows between bounds, g(shape, slot, number) for friction cones.
+/// f(slot, number) for rows between bounds, g(shape, slot, number) for a friction cone.
+template <class SlotT, class F, class G>
+STICTION_HD void visit_slot(const SlotT* slots, Index s, F&& f, G&& g) {
+  if (slots[s].rows == 1) {
+    f(slots[s], s);
+    return;
+  }
+  with_shape(ConeKind::friction, slots[s].rows, [&](auto shape) {
+    if constexpr (decltype(shape)::kKind == ConeKind::friction) g(shape, slots[s], s);
+  });
+}
+/// visit_slot() of all slots, one after the other.
 template <class SlotT, class F, class G>
 STICTION_HD void visit_slots(const SlotT* slots, const SlotCounts& counts, F&& f, G&& g) {
-  for (Index s = 0; s < counts.slots; ++s) {
-    if (slots[s].rows == 1) {
-      f(slots[s], s);
-      continue;
-    }
-    with_shape(ConeKind::friction, slots[s].rows, [&](auto shape) {
-      if constexpr (decltype(shape)::kKind == ConeKind::friction) g(shape, slots[s], s);
-    });
-  }
+  for (Index s = 0; s < counts.slots; ++s) visit_slot(slots, s, f, g);
 }
 
 /// Adds to terms.hessian(). terms.entry(i) is a number of J. terms.times_hessian_rows<kCone, kRows>(slot, number, from,
@@ -56,12 +59,16 @@ struct HessianRows {
     }
   }
 
-  /// Of rows `from` and on of a slot.
+  /// Of rows `from` and on of a slot. Lanes of a team take a column each, and the same ones of every slot.
   template <bool kCone, int kRows, class SlotT>
   STICTION_HD void add_slot(const SlotT& slot, Index s, Index from) const {
-    Index first = 0;
-    for (; first + 2 <= slot.columns; first += 2) add_columns<kCone, kRows, 2>(slot, s, from, first);
-    if (first < slot.columns) add_columns<kCone, kRows, 1>(slot, s, from, first);
+    if constexpr (kIsAlone<decltype(terms.workspace.team())>) {
+      Index first = 0;
+      for (; first + 2 <= slot.columns; first += 2) add_columns<kCone, kRows, 2>(slot, s, from, first);
+      if (first < slot.columns) add_columns<kCone, kRows, 1>(slot, s, from, first);
+    } else {
+      terms.workspace.share(slot.columns, [&](Index first) { add_columns<kCone, kRows, 1>(slot, s, from, first); });
+    }
   }
 
   /// Of all slots of one row. A pyramid's edges touch the same degrees of freedom, so that each entry of H is read once
@@ -73,6 +80,7 @@ struct HessianRows {
       for (; k + 4 <= run; k += 4) add_slot<false, 4>(terms.slots[s], s, k);
       for (; k + 2 <= run; k += 2) add_slot<false, 2>(terms.slots[s], s, k);
       if (k < run) add_slot<false, 1>(terms.slots[s], s, k);
+      terms.workspace.sync();
       s += run;
     }
   }
@@ -81,7 +89,10 @@ struct HessianRows {
     add_single_rows();
     visit_slots(
         terms.slots, terms.counts, [](const auto&, Index) {},
-        [&](auto shape, const auto& slot, Index s) { add_slot<true, decltype(shape)::kRows>(slot, s, 0); });
+        [&](auto shape, const auto& slot, Index s) {
+          add_slot<true, decltype(shape)::kRows>(slot, s, 0);
+          terms.workspace.sync();
+        });
   }
 };
 

@@ -8,6 +8,31 @@
 /// (docs/math/velocity_newton.md).
 namespace stiction::inline STICTION_ISA {
 
+/// start + sum of a b over terms 0, 1, ..., each a fused operation, in that order. A team's lanes find terms, and each
+/// adds all of them up.
+template <class Types>
+struct OrderedSum {
+  using Wide = typename Types::Wide;
+  static constexpr bool kAdds = kIsAlone<typename Types::Team>;
+  typename Types::Numbers terms;
+  Wide sum;
+
+  STICTION_HD void add(Offset term, Wide a, Wide b) {
+    if constexpr (kAdds) {
+      sum = fma_(a, b, sum);
+    } else {
+      terms.put(2 * term, a);
+      terms.put(2 * term + 1, b);
+    }
+  }
+  /// The sum of so many terms, all of which every lane sees.
+  STICTION_HD Wide total(Index count) {
+    if constexpr (!kAdds)
+      for (Index i = 0; i < count; ++i) sum = fma_(terms[2 * i], terms[2 * i + 1], sum);
+    return sum;
+  }
+};
+
 /// A pack in the iteration's precision.
 template <class Types>
 struct NewtonPack {
@@ -26,9 +51,10 @@ struct NewtonPack {
     return {workspace.law[3 * s], workspace.law[3 * s + 1], workspace.law[3 * s + 2]};
   }
 
+  /// visit_slot() of all slots, shared out over the team; ends in a sync.
   template <class F, class G>
   STICTION_HD void for_each_slot(F&& f, G&& g) const {
-    visit_slots(slots, counts, f, g);
+    workspace.each(counts.slots, [&](Index s) { visit_slot(slots, s, f, g); });
   }
 
   /// Row k of a slot times a vector by degree of freedom.
@@ -37,11 +63,12 @@ struct NewtonPack {
     for (Index c = 0; c < slot.columns; ++c) sum = fma_(entries[c], vector[slot.dof[c]], sum);
     return sum;
   }
-  /// vector -= row k' times amount.
+  /// vector -= row k' times amount. A lane has the same columns of every row of a slot.
   STICTION_HD void subtract_row(const SlotOf<Types>& slot, Index k, const Numbers& vector, Wide amount) const {
     const Numbers entries = workspace.J.from(slot.entry + static_cast<Offset>(k) * slot.columns);
     const Wide minus = Wide(0) - amount;
-    for (Index c = 0; c < slot.columns; ++c) vector.put(slot.dof[c], fma_(entries[c], minus, vector[slot.dof[c]]));
+    workspace.share(slot.columns,
+                    [&](Index c) { vector.put(slot.dof[c], fma_(entries[c], minus, vector[slot.dof[c]])); });
   }
 
   /// Reactions and their slopes at z.
@@ -81,16 +108,17 @@ struct NewtonPack {
     }
     return sum;
   }
-  /// step' M step / 2.
+  /// step' M step / 2. `inverse` gets the forces; no step is being made.
   STICTION_HD_OUTLINE Wide energy() const {
-    Wide sum(0);
-    for (Index k = 0; k < tree.dofs; ++k) {
+    workspace.each(tree.dofs, [&](Index k) {
       const Numbers row = workspace.M.from(tree.begin[k]);
       const SmallOf<Types>* const path = tree.path(k);
       Wide force = Wide(0.5) * row[tree.depth[k]] * workspace.step[k];
       for (Index d = tree.first(k); d < tree.depth[k]; ++d) force = fma_(row[d], workspace.step[path[d]], force);
-      sum = fma_(force, workspace.step[k], sum);
-    }
+      workspace.inverse.put(k, force);
+    });
+    Wide sum(0);
+    for (Index k = 0; k < tree.dofs; ++k) sum = fma_(workspace.inverse[k], workspace.step[k], sum);
     return sum;
   }
 
@@ -128,16 +156,18 @@ struct NewtonPack {
   [[nodiscard]] STICTION_HD const Numbers& hessian() const { return workspace.H; }
   /// H = M + J'GJ.
   STICTION_HD_OUTLINE void refresh_hessian() const {
-    for (Index e = 0; e < tree.entries; ++e) workspace.H.put(e, workspace.M[e]);
+    workspace.each(tree.entries, [&](Index e) { workspace.H.put(e, workspace.M[e]); });
     HessianRows<NewtonPack>{*this}.add();
   }
 
   /// gradient = J' G J p.
   STICTION_HD_OUTLINE void push_back() const {
-    for (Index k = 0; k < tree.dofs; ++k) workspace.gradient.put(k, Wide(0));
-    for_each_slot(
+    workspace.each(tree.dofs, [&](Index k) { workspace.gradient.put(k, Wide(0)); });
+    visit_slots(
+        slots, counts,
         [&](const auto& slot, Index) {
           subtract_row(slot, 0, workspace.gradient, Wide(0) - workspace.G_rows[slot.row] * workspace.Jp[slot.row]);
+          workspace.sync();
         },
         [&](auto shape, const auto& slot, Index s) {
           constexpr int kRows = decltype(shape)::kRows;
@@ -146,6 +176,7 @@ struct NewtonPack {
           for (int k = 0; k < kRows; ++k) Jp[k] = workspace.Jp[slot.row + k];
           times_hessian<kRows>(slot, s, Jp, GJp);
           for (int k = 0; k < kRows; ++k) subtract_row(slot, k, workspace.gradient, Wide(0) - GJp[k]);
+          workspace.sync();
         });
   }
 
@@ -180,15 +211,15 @@ struct NewtonPack {
     Wide curvature;
   };
   STICTION_HD_OUTLINE LineSlope point_on_line(Wide t, Wide descent) const {
-    Wide slope = (Wide(1) - t) * descent;
-    Wide curvature = Wide(0) - descent;
+    OrderedSum<Types> slope{workspace.terms, (Wide(1) - t) * descent};
+    OrderedSum<Types> curvature{workspace.terms.from(2 * Offset{counts.rows}), Wide(0) - descent};
     for_each_slot(
         [&](const auto& slot, Index s) {
           const Wide Jp = workspace.Jp[slot.row];
           const RowReaction<Wide> point = row_reaction(row_law(s), fma_(t, Jp, workspace.z[slot.row]));
           const Wide change = (workspace.x[slot.row] - point.x) - t * workspace.GJp[slot.row];
-          slope = fma_(change, Jp, slope);
-          curvature = fma_((point.slope - workspace.G_rows[slot.row]) * Jp, Jp, curvature);
+          slope.add(slot.row, change, Jp);
+          curvature.add(s, (point.slope - workspace.G_rows[slot.row]) * Jp, Jp);
         },
         [&](auto shape, const auto& slot, Index s) {
           constexpr int kRows = decltype(shape)::kRows;
@@ -211,17 +242,19 @@ struct NewtonPack {
             square = fma_(Jp[k], Jp[k], square);
             const Wide raw = workspace.Jp[slot.row + k];
             const Wide x = mu[k] * (point.across * minus);
-            slope = fma_((workspace.x[slot.row + k] - x) - t * workspace.GJp[slot.row + k], raw, slope);
+            slope.add(slot.row + k - 1, (workspace.x[slot.row + k] - x) - t * workspace.GJp[slot.row + k], raw);
             before = fma_(workspace.GJp[slot.row + k], raw, before);
           }
-          slope = fma_((workspace.x[slot.row] - point.x_n) - t * workspace.GJp[slot.row], Jp[0], slope);
+          slope.add(slot.row + kRows - 1, (workspace.x[slot.row] - point.x_n) - t * workspace.GJp[slot.row], Jp[0]);
           before = fma_(workspace.GJp[slot.row], Jp[0], before);
           // Jp' G Jp at the new place, less the same at the old one.
           const Wide turned = fma_(Wide(2) * point.slide * Jp[0], along, point.normal * Jp[0] * Jp[0]);
           const Wide after = fma_(point.bend * along, along, fma_(point.across, square, turned));
-          curvature = curvature + (after - before);
+          curvature.add(s, after - before, Wide(1));
         });
-    return {slope, curvature};
+    const LineSlope found{slope.total(counts.rows), curvature.total(counts.slots)};
+    workspace.sync();  // all have added up
+    return found;
   }
 
   /// The minimum on the line, by Newton's method in a bracket, in the lanes that move; 0 in the others.
@@ -250,21 +283,23 @@ struct NewtonPack {
 
   /// What v changed by, z, reactions and gradient after a step of length t.
   STICTION_HD_OUTLINE void take_step(Wide t) const {
-    for (Index k = 0; k < tree.dofs; ++k) {
+    workspace.share(tree.dofs, [&](Index k) {
       workspace.dv.put(k, fma_(t, workspace.step[k], workspace.dv[k]));
       workspace.gradient.put(k, (Wide(1) - t) * workspace.gradient[k]);
-    }
-    for (Index row = 0; row < counts.rows; ++row) {
+    });
+    workspace.each(counts.rows, [&](Index row) {
       workspace.z.put(row, fma_(t, workspace.Jp[row], workspace.z[row]));
       workspace.model_gap.put(row, workspace.x[row] - t * workspace.GJp[row]);
-    }
+    });
     refresh_reactions();
-    for (Index s = 0; s < counts.slots; ++s)
+    for (Index s = 0; s < counts.slots; ++s) {
       for (Index k = 0; k < slots[s].rows; ++k) {
         const Index row = slots[s].row + k;
         const Wide change = workspace.model_gap[row] - workspace.x[row];
         if (any(change != Wide(0))) subtract_row(slots[s], k, workspace.gradient, Wide(0) - change);
       }
+      workspace.sync();
+    }
   }
 };
 

@@ -32,25 +32,25 @@ struct ShiftTerms {
     SlipMixing::Weights weights{0.0, 0.0};
     const bool slips = law == Law::coulomb;
     if (slips) {
-      mixing.age();
-      for (Index s = 0; s < counts.slots; ++s) {
+      workspace.each(counts.slots, [&](Index s) {
         const SlotOf<Types>& slot = slots[s];
+        mixing.age(s);
         const double used =
             slot.rows == 1 ? 0.0 : static_cast<double>(workspace.shift.at(slot.row, l)) + held(slot.row, l);
         mixing.image(0, s) = slip_of(slot, l);
         mixing.change(0, s) = mixing.image(0, s) - used;
-      }
+      });
       weights = mixing.weights();
       lane.mixed = lane.mixed < 2 ? lane.mixed + 1 : 2;
     }
-    for (Index s = 0; s < counts.slots; ++s) {
+    workspace.each(counts.slots, [&](Index s) {
       const SlotOf<Types>& slot = slots[s];
       for (Index k = 0; k < slot.rows; ++k) {
         const double slip = slips && k == 0 && slot.rows > 1 ? mixing.next(weights, s) : 0.0;
         workspace.prox_center.at(slot.row + k, l) = workspace.x.at(slot.row + k, l);
         workspace.shift.at(slot.row + k, l) = static_cast<Number>(slip - held(slot.row + k, l));
       }
-    }
+    });
   }
 
   /// What the proximal term of a row subtracts.

@@ -28,12 +28,11 @@ struct SlipMixing {
   }
 
   /// What lies behind becomes one older.
-  STICTION_HD void age() const {
-    for (Index older = 2; older > 0; --older)
-      for (Index c = 0; c < cones; ++c) {
-        image(older, c) = image(older - 1, c);
-        change(older, c) = change(older - 1, c);
-      }
+  STICTION_HD void age(Index cone) const {
+    for (Index older = 2; older > 0; --older) {
+      image(older, cone) = image(older - 1, cone);
+      change(older, cone) = change(older - 1, cone);
+    }
   }
 
   struct Weights {

@@ -67,7 +67,7 @@ class VelocityNewton {
   STICTION_HD_OUTLINE void load() {
     const Real zeros[kTileReach<Real>] = {};
     load_motion(workspace_, job_.batch, tree_, envs_, zeros);
-    for (Index s = 0; s < counts_.slots; ++s) load_slot(workspace_, job_.batch, slots_[s], s, envs_, zeros);
+    workspace_.each(counts_.slots, [&](Index s) { load_slot(workspace_, job_.batch, slots_[s], s, envs_, zeros); });
     const auto sound = sound_lanes(workspace_, tree_, slots_, counts_);
     for (int l = 0; l < kLanes; ++l) {
       const Offset env = envs_[l].env;
@@ -81,7 +81,7 @@ class VelocityNewton {
     }
     for_each_part([&](const DoublePack<Types>& part) {
       const auto definite = part.factor_mass();
-      for (Index k = 0; k < tree_.dofs; ++k) part.put(workspace_.mobility, k, part.array(workspace_.pivot)[k]);
+      workspace_.each(tree_.dofs, [&](Index k) { part.put(workspace_.mobility, k, part.array(workspace_.pivot)[k]); });
       part.find_diagonal();
       const Double scale = part.find_scale(job_.law);
       for (int l = 0; l < Types::kDoubleLanes; ++l) {
@@ -121,13 +121,15 @@ class VelocityNewton {
   /// The warm start's reactions; zeros in lanes that cannot start from one of them.
   STICTION_HD_OUTLINE void load_guess() {
     auto can_start = Wide(0) == Wide(0);
-    for (Index s = 0; s < counts_.slots; ++s) {
+    workspace_.each(counts_.slots, [&](Index s) {
       load_by_row<Types, Real>(slots_[s], envs_, job_.warm_start, Real(0), workspace_.x);
       for (Index k = 0; k < slots_[s].rows; ++k)
         can_start = and_(can_start, can_start_from(workspace_.x[slots_[s].row + k]));
-    }
+    });
+    can_start = workspace_.all(can_start);
     if (!any(not_(can_start))) return;
-    for (Index row = 0; row < counts_.rows; ++row) workspace_.x.put(row, select(can_start, workspace_.x[row], Wide(0)));
+    workspace_.each(counts_.rows,
+                    [&](Index row) { workspace_.x.put(row, select(can_start, workspace_.x[row], Wide(0))); });
     for (int l = 0; l < kLanes; ++l)
       if (!is_set(can_start, l) && !progress_[l].starts_at_velocity) progress_[l].flags |= kFlagWarmStartRejected;
   }
@@ -146,8 +148,9 @@ class VelocityNewton {
     }
     if (any_velocity)  // z at v_free, before anything is evaluated
       for_each_part([&](const DoublePack<Types>& part) {
-        for (Index row = 0; row < counts_.rows; ++row)
+        workspace_.each(counts_.rows, [&](Index row) {
           part.put(workspace_.free_motion(), row, part.array(workspace_.motion)[row]);
+        });
       });
     any_reactions = any_reactions && job_.warm_start != nullptr;
     if (any_reactions) {
@@ -162,9 +165,10 @@ class VelocityNewton {
     }
     for_each_part([&](const DoublePack<Types>& part) {
       // Without a warm start this is v_free, at which the scale was found.
-      for (Index k = 0; k < tree_.dofs; ++k) part.array(workspace_.v).put(k, part.array(workspace_.velocity)[k]);
+      workspace_.each(tree_.dofs,
+                      [&](Index k) { part.array(workspace_.v).put(k, part.array(workspace_.velocity)[k]); });
     });
-    for (Index k = 0; k < tree_.dofs; ++k) workspace_.dv.put(k, Wide(0));
+    forget_steps();
     if (any_reactions) step_to_guess();
     if (any_velocity) {
       start_at_velocities();
@@ -173,6 +177,10 @@ class VelocityNewton {
     }
   }
 
+  /// v is where the steps so far have led.
+  STICTION_HD void forget_steps() const {
+    workspace_.each(tree_.dofs, [&](Index k) { workspace_.dv.put(k, Wide(0)); });
+  }
   /// A lane's velocity to start from.
   [[nodiscard]] STICTION_HD Real first_velocity(int l, Index k) const {
     return job_.warm_velocity[job_.batch.env_dof_offsets[envs_[l].env] + dof_of(envs_[l], k)];
@@ -186,26 +194,28 @@ class VelocityNewton {
   /// Goes to the given velocities in lanes that start there, unless the function (3) is smaller at v_free. What a small
   /// change of the free motion opens, or presses together, can make it far larger (docs/math/velocity_newton.md).
   STICTION_HD_OUTLINE void start_at_velocities() {
-    for (Index row = 0; row < counts_.rows; ++row) workspace_.z.put(row, workspace_.free_motion()[row]);
+    workspace_.each(counts_.rows, [&](Index row) { workspace_.z.put(row, workspace_.free_motion()[row]); });
     pack_.refresh_reactions();
     const Wide without = pack_.potential();
     for (int l = 0; l < kLanes; ++l)
-      for (Index k = 0; k < envs_[l].dofs && progress_[l].starts_at_velocity; ++k)
+      workspace_.each(progress_[l].starts_at_velocity ? envs_[l].dofs : 0, [&](Index k) {
         workspace_.v[Offset{k} * Types::kStride + l] = static_cast<double>(first_velocity(l, k));
+      });
     for_each_part([](const DoublePack<Types>& part) {
       part.refresh_motion();
       part.write_change();
     });
-    for (Index k = 0; k < tree_.dofs; ++k) workspace_.dv.put(k, Wide(0));
+    forget_steps();
     pack_.refresh_reactions();
     const auto is_smaller = pack_.potential() + pack_.energy() <= without;
     bool any_back = false;
     for (int l = 0; l < kLanes; ++l) {
       if (!progress_[l].starts_at_velocity || is_set(is_smaller, l)) continue;
       any_back = true;
-      for (Index row = 0; row < counts_.rows; ++row) workspace_.z.at(row, l) = workspace_.free_motion().at(row, l);
-      for (Index k = 0; k < tree_.dofs; ++k)
+      workspace_.each(counts_.rows, [&](Index row) { workspace_.z.at(row, l) = workspace_.free_motion().at(row, l); });
+      workspace_.each(tree_.dofs, [&](Index k) {
         workspace_.v[Offset{k} * Types::kStride + l] = static_cast<double>(workspace_.v_free.at(k, l));
+      });
     }
     if (any_back) pack_.refresh_reactions();
     for_each_part([](const DoublePack<Types>& part) { part.refresh_gradient(); });
@@ -217,18 +227,19 @@ class VelocityNewton {
     pack_.refresh_reactions();
     pack_.push_back();
     pack_.refresh_hessian();
-    factor_tree(tree_, workspace_.H, workspace_.inverse);
-    for (Index k = 0; k < tree_.dofs; ++k) workspace_.dv.put(k, workspace_.gradient[k]);
-    solve_tree(tree_, workspace_.H, workspace_.inverse, workspace_.dv);
+    auto&& team = workspace_.team();
+    factor_tree(team, tree_, workspace_.H, workspace_.inverse);
+    workspace_.each(tree_.dofs, [&](Index k) { workspace_.dv.put(k, workspace_.gradient[k]); });
+    solve_tree(team, tree_, workspace_.H, workspace_.inverse, workspace_.dv);
     const auto may_step = [&](int l) {
       const LaneProgress& lane = progress_[l];
       return lane.is_busy && !lane.starts_at_velocity && lane.max_iterations > 0;
     };
     const Wide stepping = lanes([&](int l) { return may_step(l) ? 1.0 : 0.0; });
-    for (Index k = 0; k < tree_.dofs; ++k) {
+    workspace_.each(tree_.dofs, [&](Index k) {
       const Wide step = workspace_.dv[k];
       workspace_.dv.put(k, select(and_(stepping > Wide(0), finite_(step)), step, Wide(0)));
-    }
+    });
     for (int l = 0; l < kLanes; ++l)
       if (may_step(l)) ++progress_[l].steps;
   }
@@ -239,7 +250,7 @@ class VelocityNewton {
     for_each_part([](const DoublePack<Types>& part) { part.refresh_motion(); });
     pack_.refresh_reactions();
     for_each_part([](const DoublePack<Types>& part) { part.refresh_gradient(); });
-    for (Index k = 0; k < tree_.dofs; ++k) workspace_.dv.put(k, Wide(0));
+    forget_steps();
   }
 
   /// Steps without progress before a lane is evaluated. In single precision the gradient that steps add up is rounding
@@ -263,15 +274,17 @@ class VelocityNewton {
     for (;;) {
       Wide error(0);
       Wide nothing(0);
-      for (Index k = 0; k < tree_.dofs; ++k) {
+      workspace_.share(tree_.dofs, [&](Index k) {
         const Wide gradient = workspace_.gradient[k];
         error = max_(abs_(gradient) * workspace_.mobility[k], error);
         nothing = fma_(gradient, Wide(0), nothing);
-      }
+      });
+      error = workspace_.largest(error);
+      const auto is_finite = workspace_.all(nothing == Wide(0));
       const auto is_better = error < least;
       least = select(is_better, error, least);
       idle = select(is_better, Wide(0), idle + Wide(1));
-      moving = and_(moving, and_(and_(error > enough, nothing == Wide(0)), and_(steps < most, idle < patience)));
+      moving = and_(moving, and_(and_(error > enough, is_finite), and_(steps < most, idle < patience)));
       if (!any(moving)) break;
       step(moving);
       steps = select(moving, steps + Wide(1), steps);
@@ -284,10 +297,11 @@ class VelocityNewton {
 
   STICTION_HD_OUTLINE void step(Mask<Wide> moving) {
     pack_.refresh_hessian();
-    factor_tree(tree_, workspace_.H, workspace_.inverse);
-    for (Index k = 0; k < tree_.dofs; ++k) workspace_.step.put(k, Wide(0) - workspace_.gradient[k]);
-    solve_tree(tree_, workspace_.H, workspace_.inverse, workspace_.step);
-    for (Index k = 0; k < tree_.dofs; ++k) workspace_.step.put(k, select(moving, workspace_.step[k], Wide(0)));
+    auto&& team = workspace_.team();
+    factor_tree(team, tree_, workspace_.H, workspace_.inverse);
+    workspace_.each(tree_.dofs, [&](Index k) { workspace_.step.put(k, Wide(0) - workspace_.gradient[k]); });
+    solve_tree(team, tree_, workspace_.H, workspace_.inverse, workspace_.step);
+    workspace_.each(tree_.dofs, [&](Index k) { workspace_.step.put(k, select(moving, workspace_.step[k], Wide(0))); });
     const Wide descent = pack_.line_products();
     pack_.take_step(pack_.search(moving, descent));
   }
@@ -296,7 +310,7 @@ class VelocityNewton {
   template <class F>
   STICTION_HD void for_each_proposal(F&& f) const {
     if constexpr (sizeof(Real) < sizeof(Number))
-      for (Index row = 0; row < counts_.rows; ++row) workspace_.x.put(row, in_single(workspace_.x[row]));
+      workspace_.each(counts_.rows, [&](Index row) { workspace_.x.put(row, in_single(workspace_.x[row])); });
     for_each_part([&](const DoublePack<Types>& part) {
       const auto evaluated = part.evaluate(job_.law);
       for (int l = 0; l < Types::kDoubleLanes; ++l)
@@ -356,19 +370,19 @@ class VelocityNewton {
   /// The answer of a lane, to where the batch has it.
   STICTION_HD void write_lane(int l) {
     const LaneEnv<Real>& env = envs_[l];
-    for (Index s = 0; s < counts_.slots; ++s) {
-      if (slots_[s].row_of[l] < 0) continue;
-      for (Index k = 0; k < slots_[s].rows; ++k) {
+    workspace_.each(counts_.slots, [&](Index s) {
+      for (Index k = 0; k < slots_[s].rows && slots_[s].row_of[l] >= 0; ++k) {
         const Offset to = env.first_row + slots_[s].row_of[l] + k;
         const Index row = slots_[s].row + k;
         job_.to.lambda[to] = canonical_zero(static_cast<Real>(workspace_.x.at(row, l)));
         if (job_.to.w != nullptr)
           job_.to.w[to] = canonical_zero(saturated<Real>(workspace_.motion[Offset{row} * Types::kStride + l]));
       }
-    }
-    for (Index k = 0; k < env.dofs && job_.to.velocity != nullptr; ++k)
+    });
+    workspace_.each(job_.to.velocity != nullptr ? env.dofs : 0, [&](Index k) {
       job_.to.velocity[job_.batch.env_dof_offsets[env.env] + dof_of(env, k)] =
           canonical_zero(saturated<Real>(workspace_.velocity[Offset{k} * Types::kStride + l]));
+    });
   }
 
   const VelocityJob<Real>& job_;

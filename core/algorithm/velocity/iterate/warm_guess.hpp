@@ -13,16 +13,16 @@ struct WarmGuess {
   /// The motion z at which the reactions would be the guess, and by how much it differs from what the guess leads to.
   /// Reactions answer to z over R, so that what a guess leads to would say nothing of which contacts stick.
   STICTION_HD_OUTLINE void aim() const {
-    for (Index s = 0; s < pack.counts.slots; ++s) {
+    pack.workspace.each(pack.counts.slots, [&](Index s) {
       const auto& slot = pack.slots[s];
       if (slot.rows == 1) {
         aim_row(s, slot.row);
-        continue;
+        return;
       }
       with_shape(ConeKind::friction, slot.rows, [&](auto shape) {
         if constexpr (decltype(shape)::kKind == ConeKind::friction) aim_cone<decltype(shape)::kRows>(s, slot.row);
       });
-    }
+    });
   }
 
  private:

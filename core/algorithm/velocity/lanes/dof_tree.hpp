@@ -1,6 +1,7 @@
 #pragma once
 
 #include "core/algorithm/velocity/lanes/slots.hpp"
+#include "core/team/phases.hpp"
 
 namespace stiction::inline STICTION_ISA {
 
@@ -20,6 +21,7 @@ struct DofTree {
   static constexpr Index kMostPaths = kIsWhole ? kMostEntries : kMostLargePaths;
   Index dofs;
   Index entries;
+  Index levels;                                 ///< depths that there are
   Index begin[kMostDofs];                       ///< entry of row k for depth 0, which it may not have
   Index depth[kMostDofs];                       ///< ancestors of k
   Index first_depth[kIsWhole ? 1 : kMostDofs];  ///< of the first ancestor that row k has an entry for
@@ -46,6 +48,7 @@ STICTION_HD bool add_row(DofTree<Set>& tree, Index k, const Set& coupled, Index&
   const Index depth = parent < 0 ? 0 : tree.depth[parent] + 1;
   const Index first = kIsWhole || parent < 0 ? 0 : tree.depth[lowest_bit(coupled)];
   tree.depth[k] = depth;
+  tree.levels = depth < tree.levels ? tree.levels : depth + 1;
   tree.begin[k] = tree.entries - first;
   tree.entries += depth + 1 - first;
   if constexpr (!kIsWhole) {
@@ -79,6 +82,7 @@ STICTION_HD_OUTLINE bool build_tree(DofTree<Set>& tree, Index dofs, Set* coupled
     coupled[parent] |= coupled[k] & below<Set>(parent);
   }
   tree.entries = 0;
+  tree.levels = 0;
   Index paths = 0;
   for (Index k = 0; k < dofs; ++k)
     if (!add_row(tree, k, coupled[k], paths)) return false;
@@ -88,23 +92,36 @@ STICTION_HD_OUTLINE bool build_tree(DofTree<Set>& tree, Index dofs, Set* coupled
   return true;
 }
 
+/// f(k) of every row, each after its ancestors'; ends in a sync.
+template <Team TeamT, class Set, class F>
+STICTION_HD void for_each_from_root(TeamT& team, const DofTree<Set>& tree, F&& f) {
+  if constexpr (kIsAlone<TeamT>) {
+    for (Index k = 0; k < tree.dofs; ++k) f(k);
+  } else {
+    for (Index level = 0; level < tree.levels; ++level)
+      for_each(team, tree.dofs, [&](Index k) {
+        if (tree.depth[k] == level) f(k);
+      });
+  }
+}
+
 /// The pivot of row k, inverted; `definite` keeps the lanes in which it is positive.
-template <class Set, class Numbers, class Condition>
-STICTION_HD auto invert_pivot(const DofTree<Set>& tree, const Numbers& H, const Numbers& inverse, Index k,
+template <Team TeamT, class Set, class Numbers, class Condition>
+STICTION_HD auto invert_pivot(TeamT& team, const DofTree<Set>& tree, const Numbers& H, const Numbers& inverse, Index k,
                               Condition& definite) {
   using Value = decltype(H[0]);
   const Value pivot = H[tree.diagonal(k)];
   const auto is_positive = and_(pivot > Value(0), finite_(pivot));
   definite = and_(definite, is_positive);
   const Value inverted = div_(Value(1), select(is_positive, pivot, Value(1)));
-  inverse.put(k, inverted);
+  if (team.rank() == 0) inverse.put(k, inverted);
   return inverted;
 }
 
 /// Takes rows out of kTargets ancestors of them, those of depth last, last - 1, ..., and turns their entries there into
-/// the factor's. `rows`, which begin at depth `first`, are eliminated one after the other, and every entry is changed
-/// in that order.
-template <int kRows, int kTargets, class Set, class Numbers, class Value>
+/// the factor's if kScales. `rows`, which begin at depth `first`, are eliminated one after the other, and every entry
+/// is changed in that order.
+template <int kRows, int kTargets, bool kScales, class Set, class Numbers, class Value>
 STICTION_HD void eliminate(const DofTree<Set>& tree, const Numbers& H, const typename SetTraits<Set>::Small* path,
                            Index first, Index last, const Numbers (&rows)[kRows], const Value (&inverted)[kRows]) {
   Numbers target[kTargets];
@@ -132,32 +149,41 @@ STICTION_HD void eliminate(const DofTree<Set>& tree, const Numbers& H, const typ
       for (int r = 0; r < kRows; ++r) sum = fma_(minus[r][t], rows[r][d], sum);
       target[t].put(d, sum);
     }
-  for (int t = 0; t < kTargets; ++t)
-    for (int r = 0; r < kRows; ++r) rows[r].put(last - t, factor[r][t]);
+  if constexpr (kScales)
+    for (int t = 0; t < kTargets; ++t)
+      for (int r = 0; r < kRows; ++r) rows[r].put(last - t, factor[r][t]);
 }
-template <int kRows, class Set, class Numbers, class Value>
-STICTION_HD void eliminate_all(const DofTree<Set>& tree, const Numbers& H, const typename SetTraits<Set>::Small* path,
-                               Index first, Index last, const Numbers (&rows)[kRows], const Value (&inverted)[kRows]) {
-  for (; last > first; last -= 2) eliminate<kRows, 2>(tree, H, path, first, last, rows, inverted);
-  if (last == first) eliminate<kRows, 1>(tree, H, path, first, last, rows, inverted);
+/// Takes rows out of all ancestors from depth `last` on; ends in a sync. Lanes take an ancestor each, and leave the
+/// rows as they are, which others read.
+template <int kRows, Team TeamT, class Set, class Numbers, class Value>
+STICTION_HD void eliminate_all(TeamT& team, const DofTree<Set>& tree, const Numbers& H,
+                               const typename SetTraits<Set>::Small* path, Index first, Index last,
+                               const Numbers (&rows)[kRows], const Value (&inverted)[kRows]) {
+  if constexpr (kIsAlone<TeamT>) {
+    for (; last > first; last -= 2) eliminate<kRows, 2, true>(tree, H, path, first, last, rows, inverted);
+    if (last == first) eliminate<kRows, 1, true>(tree, H, path, first, last, rows, inverted);
+  } else {
+    for_each(team, last + 1 - first,
+             [&](Index i) { eliminate<kRows, 1, false>(tree, H, path, first, last - i, rows, inverted); });
+  }
 }
 
 /// H = L'DL in place, in the tree's envelope; `inverse` gets D^-1. Rows of L below, the diagonal keeps D. Returns the
 /// lanes in which every pivot is positive. A row and its parent, where that is the next and begins with it, are
 /// eliminated in one pass over their ancestors. That halves the loads and stores, and each entry is changed in the same
 /// order.
-template <class Set, class Numbers>
-STICTION_HD_OUTLINE auto factor_tree(const DofTree<Set>& tree, const Numbers& H, const Numbers& inverse) {
+template <Team TeamT, class Set, class Numbers>
+STICTION_HD_OUTLINE auto factor_tree(TeamT& team, const DofTree<Set>& tree, const Numbers& H, const Numbers& inverse) {
   using Value = decltype(H[0]);
   Mask<Value> definite = Value(0) == Value(0);
   for (Index k = tree.dofs - 1; k >= 0;) {
     const Numbers row = H.from(tree.begin[k]);
-    const Value inverted = invert_pivot(tree, H, inverse, k, definite);
+    const Value inverted = invert_pivot(team, tree, H, inverse, k, definite);
     const Index parent = k - 1, first = tree.first(k);
     if (tree.depth[k] == 0 || tree.path(k)[tree.depth[k] - 1] != parent || tree.first(parent) != first) {
       const Numbers rows[1] = {row};
       const Value pivots[1] = {inverted};
-      eliminate_all<1>(tree, H, tree.path(k), first, tree.depth[k] - 1, rows, pivots);
+      eliminate_all<1>(team, tree, H, tree.path(k), first, tree.depth[k] - 1, rows, pivots);
       --k;
       continue;
     }
@@ -165,38 +191,49 @@ STICTION_HD_OUTLINE auto factor_tree(const DofTree<Set>& tree, const Numbers& H,
     const Index last = tree.depth[parent];
     const Value factor = row[last] * inverted;
     const Value minus = Value(0) - factor;
-    for (Index d = first; d <= last; ++d) next.put(d, fma_(minus, row[d], next[d]));
-    row.put(last, factor);
+    for_each(team, last + 1 - first, [&](Index i) {
+      const Index d = first + i;
+      next.put(d, fma_(minus, row[d], next[d]));
+    });
+    if constexpr (kIsAlone<TeamT>) row.put(last, factor);
     const Numbers rows[2] = {row, next};
-    const Value pivots[2] = {inverted, invert_pivot(tree, H, inverse, parent, definite)};
-    eliminate_all<2>(tree, H, tree.path(parent), first, last - 1, rows, pivots);
+    const Value pivots[2] = {inverted, invert_pivot(team, tree, H, inverse, parent, definite)};
+    eliminate_all<2>(team, tree, H, tree.path(parent), first, last - 1, rows, pivots);
     k -= 2;
   }
+  if constexpr (!kIsAlone<TeamT>)
+    for_each(team, tree.dofs, [&](Index k) {
+      const Numbers row = H.from(tree.begin[k]);
+      const Value inverted = inverse[k];
+      for (Index d = tree.first(k); d < tree.depth[k]; ++d) row.put(d, row[d] * inverted);
+    });
   return definite;
 }
 
 /// L becomes L'L in place, L in the tree's envelope: what factor_tree does, undone from the root on.
-template <class Set, class Numbers>
-STICTION_HD_OUTLINE void multiply_tree(const DofTree<Set>& tree, const Numbers& L) {
+template <Team TeamT, class Set, class Numbers>
+STICTION_HD_OUTLINE void multiply_tree(TeamT& team, const DofTree<Set>& tree, const Numbers& L) {
   for (Index k = 0; k < tree.dofs; ++k) {
     const Numbers row = L.from(tree.begin[k]);
     const auto* const path = tree.path(k);
-    for (Index t = tree.first(k); t <= tree.depth[k]; ++t) {
-      const Numbers target = L.from(tree.begin[path[t]]);
-      const auto factor = row[t];
-      const bool is_own = t == tree.depth[k];
-      for (Index d = tree.first(k); d <= t; ++d)
-        target.put(d, is_own ? factor * row[d] : fma_(factor, row[d], target[d]));
-    }
+    const Index first = tree.first(k), own = tree.depth[k];
+    for_each(team, own - first, [&](Index i) {
+      const Numbers target = L.from(tree.begin[path[first + i]]);
+      const auto factor = row[first + i];
+      for (Index d = first; d <= first + i; ++d) target.put(d, fma_(factor, row[d], target[d]));
+    });
+    const auto diagonal = row[own];
+    team.sync();  // all have read it
+    for_each(team, own + 1 - first, [&](Index i) { row.put(first + i, diagonal * row[first + i]); });
   }
 }
 
 /// L with a diagonal becomes that of L'DL, as factor_tree leaves it. The lanes in which the diagonal is positive.
-template <class Set, class Numbers>
-STICTION_HD_OUTLINE auto split_pivots(const DofTree<Set>& tree, const Numbers& L, const Numbers& inverse) {
+template <Team TeamT, class Set, class Numbers>
+STICTION_HD_OUTLINE auto split_pivots(TeamT& team, const DofTree<Set>& tree, const Numbers& L, const Numbers& inverse) {
   using Value = decltype(L[0]);
   Mask<Value> definite = Value(0) == Value(0);
-  for (Index k = 0; k < tree.dofs; ++k) {
+  for_each(team, tree.dofs, [&](Index k) {
     const Numbers row = L.from(tree.begin[k]);
     const Value diagonal = row[tree.depth[k]];
     const auto is_positive = diagonal > Value(0);
@@ -204,29 +241,31 @@ STICTION_HD_OUTLINE auto split_pivots(const DofTree<Set>& tree, const Numbers& L
     for (Index d = tree.first(k); d < tree.depth[k]; ++d) row.put(d, row[d] * divided);
     row.put(tree.depth[k], diagonal * diagonal);
     definite = and_(definite, is_positive);
-    invert_pivot(tree, L, inverse, k, definite);
-  }
-  return definite;
+    SerialTeam lane;
+    invert_pivot(lane, tree, L, inverse, k, definite);
+  });
+  return on_all_lanes(team, definite);
 }
 
 /// x becomes (L'DL)^-1 x  (dofs).
-template <class Set, class Numbers>
-STICTION_HD_OUTLINE void solve_tree(const DofTree<Set>& tree, const Numbers& L, const Numbers& inverse,
+template <Team TeamT, class Set, class Numbers>
+STICTION_HD_OUTLINE void solve_tree(TeamT& team, const DofTree<Set>& tree, const Numbers& L, const Numbers& inverse,
                                     const Numbers& x) {
   using Value = decltype(L[0]);
   for (Index k = tree.dofs - 1; k > 0; --k) {
-    const Numbers row = L.from(tree.begin[k]);
-    const auto* const path = tree.path(k);
+    const Index first = tree.first(k);
+    const Numbers row = L.from(tree.begin[k] + first);
+    const auto* const path = tree.path(k) + first;
     const Value minus = Value(0) - x[k];
-    for (Index e = tree.first(k); e < tree.depth[k]; ++e) x.put(path[e], fma_(minus, row[e], x[path[e]]));
+    for_each(team, tree.depth[k] - first, [&](Index e) { x.put(path[e], fma_(minus, row[e], x[path[e]])); });
   }
-  for (Index k = 0; k < tree.dofs; ++k) {
+  for_each_from_root(team, tree, [&](Index k) {
     const Numbers row = L.from(tree.begin[k]);
     const auto* const path = tree.path(k);
     Value sum = x[k] * inverse[k];
     for (Index e = tree.first(k); e < tree.depth[k]; ++e) sum = fma_(Value(0) - row[e], x[path[e]], sum);
     x.put(k, sum);
-  }
+  });
 }
 
 }  // namespace stiction::inline STICTION_ISA

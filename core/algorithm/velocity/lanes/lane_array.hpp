@@ -4,6 +4,7 @@
 
 #include "core/algorithm/velocity/lanes/dof_set.hpp"
 #include "core/base/pack.hpp"
+#include "core/team/phases.hpp"
 
 /// Arrays of numbers of which every lane has its own, side by side.
 namespace stiction::inline STICTION_ISA {
@@ -37,11 +38,13 @@ struct DoubleLanes<Pack<T, W>> {
   using Type = Pack<double, kLanes>;
 };
 
-/// What Newton's method in velocities runs in: `Wide` for iterations, `Double` for what is judged by, `Real` for what
-/// the batch has and gets.
-template <class WideT, int kStrideT = RealTraits<WideT>::kLanes, class SetT = DofSet, class RealT = Scalar<WideT>>
+/// Types that Newton's method in velocities runs in: `Wide` for iterations, `Double` for what is judged by, `Real` for
+/// what the batch has and gets. Lanes of a `Team` own a pack together.
+template <class WideT, int kStrideT = RealTraits<WideT>::kLanes, class SetT = DofSet, class RealT = Scalar<WideT>,
+          Team TeamT = SerialTeam>
 struct LaneTypes {
   using Wide = WideT;
+  using Team = TeamT;
   using Set = SetT;  ///< of degrees of freedom
   using Real = RealT;
   using Number = Scalar<WideT>;

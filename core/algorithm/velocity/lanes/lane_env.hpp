@@ -164,20 +164,25 @@ STICTION_HD Set mass_row_set(const LaneEnv<Real>& env, Index dof) {
 
 /// coupled[k] |= numbers before k that M couples it with. A factor couples those that are in one of its columns, which
 /// is what the tree makes of entries between number k and others.
-template <class Set, class Real>
-STICTION_HD void add_mass_dofs(const LaneEnv<Real>& env, Set* coupled) {
-  for (Index k = 0; k < env.dofs; ++k) {
+template <class Set, Team TeamT, class Real>
+STICTION_HD void add_mass_dofs(TeamT& team, const LaneEnv<Real>& env, Set* coupled) {
+  if (env.dofs > kDenseDofs && env.is_consecutive && env.is_reversed) {
+    single(team, [&] {  // a row is in the sets of several
+      for (Index k = 0; k < env.dofs; ++k)
+        for_each_dof(mass_row_set<Set>(env, k), [&](Index i) { coupled[env.dofs - 1 - i] |= only<Set>(k); });
+    });
+    return;
+  }
+  for_each(team, env.dofs, [&](Index k) {
     if (env.dofs <= kDenseDofs) {
       coupled[k] |= below<Set>(k);
-    } else if (env.is_consecutive && !env.is_reversed) {
-      coupled[k] |= mass_row_set<Set>(env, k);
     } else if (env.is_consecutive) {
-      for_each_dof(mass_row_set<Set>(env, k), [&](Index i) { coupled[env.dofs - 1 - i] |= only<Set>(k); });
+      coupled[k] |= mass_row_set<Set>(env, k);
     } else {
       for (Index before = 0; before < k; ++before)
         if (mass_entry(env, k, before) != Real(0)) coupled[k] |= only<Set>(before);
     }
-  }
+  });
 }
 
 }  // namespace stiction::inline STICTION_ISA

@@ -68,18 +68,25 @@ STICTION_HD Index run_of(const Slot<kLanes, Set>* slots, Index first, Index end)
 }
 
 /// An environment's cones in that order  (env.cones).
-template <class Set, class Real>
-STICTION_HD void list_items(const JacobianBatchView<Real>& batch, const LaneEnv<Real>& env, SlotItem<Set>* items) {
-  for (Index i = 0; i < env.cones; ++i) {
+template <class Set, Team TeamT, class Real>
+STICTION_HD void list_items(TeamT& team, const JacobianBatchView<Real>& batch, const LaneEnv<Real>& env,
+                            SlotItem<Set>* items) {
+  for_each(team, env.cones, [&](Index i) {
     const Index cone = cone_of(env, i);
     const Offset* const begin = batch.cone_row_offsets + env.first_cone + cone;
     SlotItem<Set> item{Set{}, static_cast<Index>(begin[1] - begin[0]), static_cast<Index>(begin[0] - env.first_row),
                        cone};
     for (Index k = 0; k < item.rows; ++k) item.dofs |= row_dofs<Set>(batch, env, item.row + k);
-    Index at = i;
-    for (; at > 0 && goes_before(item, items[at - 1]); --at) items[at] = items[at - 1];
-    items[at] = item;
-  }
+    items[i] = item;
+  });
+  single(team, [&] {
+    for (Index i = 1; i < env.cones; ++i) {
+      const SlotItem<Set> item = items[i];
+      Index at = i;
+      for (; at > 0 && goes_before(item, items[at - 1]); --at) items[at] = items[at - 1];
+      if (at < i) items[at] = item;
+    }
+  });
 }
 
 /// Slots for the cones of all lanes: their lists are merged, so that each lane's cones keep their order. items[l] is

@@ -2,6 +2,7 @@
 
 #include "core/algorithm/velocity/lanes/dof_tree.hpp"
 #include "core/algorithm/velocity/lanes/lane_array.hpp"
+#include "core/base/extents.hpp"
 
 namespace stiction::inline STICTION_ISA {
 
@@ -17,63 +18,123 @@ template <class Types>
 struct VelocityWorkspace {
   using Number = typename Types::Number;
   using Numbers = typename Types::Numbers;
+  using Team = typename Types::Team;
   static constexpr Index kStride = Types::kStride;
   /// Of three evaluations each: the terms that the answer has, and by how much they differ from those it was found
   /// with.
   static constexpr Index kSlips = 6;
   static constexpr Index kDouble = sizeof(Number) == sizeof(double) ? 1 : 2;
 
-  Numbers J;            ///< rows x columns of each slot                           (entries)
-  Numbers z;            ///< J v - target + shift                                  (rows)
-  Numbers x;            ///< reactions                                             (rows)
-  Numbers Jp;           ///< J times the step                                      (rows)
-  Numbers GJp;          ///< G J times the step                                    (rows)
-  Numbers model_gap;    ///< reactions less what the quadratic model foresaw       (rows)
-  Numbers target;       ///<                                                       (rows)
-  Numbers shift;        ///< de Saxce's and proximal terms                         (rows)
-  Numbers mu;           ///< of tangential rows; 1 in others                       (rows)
-  Numbers R;            ///<                                                       (rows)
-  Numbers prox_center;  ///< reactions that the proximal term holds on to          (rows)
-  Numbers prox;         ///< what is added to R                                    (rows)
-  Numbers G_rows;       ///< G by rows: slope of the first, direction of -z_t      (rows)
-  Numbers law;          ///< RowLaw or ConeLaw                                     (3 slots)
-  Numbers G_cones;      ///< G by cones: across, slide, bend                       (3 slots)
-  Numbers dv;           ///< sum of the steps since v was written down             (dofs)
-  Numbers v_free;       ///<                                                       (dofs)
-  Numbers gradient;     ///<                                                       (dofs)
-  Numbers step;         ///<                                                       (dofs)
-  Numbers inverse;      ///< of H's pivots                                         (dofs)
-  Numbers mobility;     ///< of M's pivots                                         (dofs)
-  Numbers M;            ///<                                                       (tree entries)
-  Numbers H;            ///<                                                       (tree entries)
-  double* v;            ///< velocity                                              (dofs; lanes)
-  double* factor;       ///< of M, in double                                       (tree entries; lanes)
-  double* pivot;        ///< inverse pivots of M                                   (dofs; lanes)
-  double* velocity;     ///< v_free + M^-1 J' x                                    (dofs; lanes)
-  double* motion;       ///< of the reactions' rows                                (rows; lanes)
-  double* error_unit;   ///< ErrorScale::unit                                     (1; lanes)
-  double* share;        ///< of each cone's island, over the largest error scale  (slots; lanes)
-  double* axis_press;   ///< ConeMetric's weights of rows                         (rows; lanes)
-  double* axis_slip;    ///<                                                      (rows; lanes)
-  double* diagonal;     ///< of A, row by row of a cone, scaled                    (rows; lanes)
-  double* scratch;      ///<                                                       (dofs; lanes)
-  double* wide_rows;    ///< three rows of J, by depth                             (3 dofs; lanes)
-  double* slip;         ///< de Saxce's terms of the last evaluations              (kSlips; slots; lanes)
+  Numbers J;              ///< rows x columns of each slot                           (entries)
+  Numbers z;              ///< J v - target + shift                                  (rows)
+  Numbers x;              ///< reactions                                             (rows)
+  Numbers Jp;             ///< J times the step                                      (rows)
+  Numbers GJp;            ///< G J times the step                                    (rows)
+  Numbers model_gap;      ///< reactions less what the quadratic model foresaw       (rows)
+  Numbers target;         ///<                                                       (rows)
+  Numbers shift;          ///< de Saxce's and proximal terms                         (rows)
+  Numbers mu;             ///< of tangential rows; 1 in others                       (rows)
+  Numbers R;              ///<                                                       (rows)
+  Numbers prox_center;    ///< reactions that the proximal term holds on to          (rows)
+  Numbers prox;           ///< what is added to R                                    (rows)
+  Numbers G_rows;         ///< G by rows: slope of the first, direction of -z_t      (rows)
+  Numbers law;            ///< RowLaw or ConeLaw                                     (3 slots)
+  Numbers G_cones;        ///< G by cones: across, slide, bend                       (3 slots)
+  Numbers dv;             ///< sum of the steps since v was written down             (dofs)
+  Numbers v_free;         ///<                                                       (dofs)
+  Numbers gradient;       ///<                                                       (dofs)
+  Numbers step;           ///<                                                       (dofs)
+  Numbers inverse;        ///< of H's pivots                                         (dofs)
+  Numbers mobility;       ///< of M's pivots                                         (dofs)
+  Numbers M;              ///<                                                       (tree entries)
+  Numbers H;              ///<                                                       (tree entries)
+  double* v;              ///< velocity                                              (dofs; lanes)
+  double* factor;         ///< of M, in double                                       (tree entries; lanes)
+  double* pivot;          ///< inverse pivots of M                                   (dofs; lanes)
+  double* velocity;       ///< v_free + M^-1 J' x                                    (dofs; lanes)
+  double* motion;         ///< of the reactions' rows                                (rows; lanes)
+  double* error_unit;     ///< ErrorScale::unit                                     (1; lanes)
+  double* share_of;       ///< of each cone's island, over the largest error scale  (slots; lanes)
+  double* axis_press;     ///< ConeMetric's weights of rows                         (rows; lanes)
+  double* axis_slip;      ///<                                                      (rows; lanes)
+  double* diagonal;       ///< of A, row by row of a cone, scaled                    (rows; lanes)
+  double* scratch;        ///<                                                       (dofs; lanes)
+  double* wide_rows;      ///< three rows of J, by depth, or one for each of a team's lanes  (wide_rows(); lanes)
+  double* slip;           ///< de Saxce's terms of the last evaluations              (kSlips; slots; lanes)
+  Numbers terms;          ///< of ordered sums, factors side by side; teams alone    (2 rows + 2 slots)
+  Team* lanes = nullptr;  ///< that own the pack together; null: one
 
   /// Motion that reactions of zero leave; no step has been made where it is read.
   [[nodiscard]] STICTION_HD const Numbers& free_motion() const { return model_gap; }
 
+  /// The team, which a pack's only lane is alone in.
+  [[nodiscard]] STICTION_HD decltype(auto) team() const {
+    if constexpr (kIsAlone<Team>) {
+      return SerialTeam{};
+    } else {
+      return (*lanes);
+    }
+  }
+  /// f(i) for every i in [0, n), shared out over the team; ends in a sync.
+  template <class F>
+  STICTION_HD void each(Index n, F&& f) const {
+    auto&& own = team();
+    for_each(own, n, f);
+  }
+  /// each() without its sync. A lane gets the same i of every such loop.
+  template <class F>
+  STICTION_HD void share(Index n, F&& f) const {
+    auto&& own = team();
+    STICTION_ISA::share(own, n, f);
+  }
+  STICTION_HD void sync() const {
+    auto&& own = team();
+    own.sync();
+  }
+  /// f() on one lane; ends in a sync.
+  template <class F>
+  STICTION_HD void once(F&& f) const {
+    auto&& own = team();
+    single(own, f);
+  }
+  /// What holds on every lane of the team, on every lane.
+  template <class MaskT>
+  [[nodiscard]] STICTION_HD MaskT all(MaskT mask) const {
+    auto&& own = team();
+    return on_all_lanes(own, mask);
+  }
+  /// The largest of the team's numbers, on every lane.
+  template <class Value>
+  [[nodiscard]] STICTION_HD Value largest(Value value) const {
+    auto&& own = team();
+    return own.max(value);
+  }
+
+  /// Numbers of `wide_rows` of a pack that one lane owns, or of a team.
+  static STICTION_HD constexpr Offset wide_rows_alone(Index dofs) { return 3 * Offset{dofs}; }
+  static STICTION_HD constexpr Offset wide_rows_of(Index lanes, Index levels, Index dofs) {
+    return larger_of(Offset{lanes} * levels, Offset{dofs});
+  }
+
   /// Doubles that a workspace takes.
-  static STICTION_HD constexpr Offset doubles(const SlotCounts& counts, Index dofs, Index tree_entries) {
+  static STICTION_HD constexpr Offset doubles(const SlotCounts& counts, Index dofs, Index tree_entries,
+                                              Offset wide_rows) {
     const Offset rows = counts.rows, slots = counts.slots;
-    const Offset numbers = counts.entries + 12 * rows + 6 * slots + 6 * Offset{dofs} + 2 * Offset{tree_entries};
-    const Offset wide = 1 + Offset{tree_entries} + 7 * Offset{dofs} + 4 * rows + (1 + kSlips) * slots;
+    const Offset numbers =
+        counts.entries + 12 * rows + 6 * slots + 6 * Offset{dofs} + 2 * Offset{tree_entries} + term_count(counts);
+    const Offset wide = 1 + Offset{tree_entries} + 4 * Offset{dofs} + wide_rows + 4 * rows + (1 + kSlips) * slots;
     return kStride * (wide + (numbers + kDouble - 1) / kDouble);
+  }
+  static STICTION_HD constexpr Offset doubles(const SlotCounts& counts, Index dofs, Index tree_entries) {
+    return doubles(counts, dofs, tree_entries, wide_rows_alone(dofs));
   }
 
   /// `lane`: which of kStride lanes that share the memory; 0 for a pack.
   STICTION_HD VelocityWorkspace(double* memory, const SlotCounts& counts, Index dofs, Index tree_entries,
-                                Index lane = 0) {
+                                Index lane = 0)
+      : VelocityWorkspace(memory, counts, dofs, tree_entries, wide_rows_alone(dofs), lane) {}
+  STICTION_HD VelocityWorkspace(double* memory, const SlotCounts& counts, Index dofs, Index tree_entries,
+                                Offset wide_rows_room, Index lane) {
     const auto take_doubles = [&memory, lane](Offset count) {
       double* const part = memory + lane;
       memory += count * kStride;
@@ -84,13 +145,13 @@ struct VelocityWorkspace {
     pivot = take_doubles(dofs);
     velocity = take_doubles(dofs);
     scratch = take_doubles(dofs);
-    wide_rows = take_doubles(3 * Offset{dofs});
+    wide_rows = take_doubles(wide_rows_room);
     motion = take_doubles(counts.rows);
     diagonal = take_doubles(counts.rows);
     axis_press = take_doubles(counts.rows);
     axis_slip = take_doubles(counts.rows);
     error_unit = take_doubles(1);
-    share = take_doubles(counts.slots);
+    share_of = take_doubles(counts.slots);
     slip = take_doubles(kSlips * Offset{counts.slots});
     Number* rest = reinterpret_cast<Number*>(memory);
     const auto take = [&rest, lane](Offset count) {
@@ -104,6 +165,12 @@ struct VelocityWorkspace {
     for (Numbers* part : {&law, &G_cones}) *part = take(3 * Offset{counts.slots});
     for (Numbers* part : {&dv, &v_free, &gradient, &step, &inverse, &mobility}) *part = take(dofs);
     for (Numbers* part : {&M, &H}) *part = take(tree_entries);
+    terms = take(term_count(counts));
+  }
+
+ private:
+  static STICTION_HD constexpr Offset term_count(const SlotCounts& counts) {
+    return kIsAlone<Team> ? 0 : 2 * (Offset{counts.rows} + Offset{counts.slots});
   }
 };
 

@@ -117,7 +117,7 @@ STICTION_HD_OUTLINE void load_mass(const VelocityWorkspace<Types>& workspace, co
                                    const TreeOf<Types>& tree, const LaneEnv<Real> (&envs)[Types::kLanes],
                                    const Real (&zeros)[kTileReach<Real>]) {
   using Number = typename Types::Number;
-  for (Index k = 0; k < tree.dofs; ++k) {
+  workspace.each(tree.dofs, [&](Index k) {
     const SmallOf<Types>* const path = tree.path(k);
     const typename Types::Numbers row = workspace.M.from(tree.begin[k]);
     LaneRows<Types, 1> from;
@@ -132,7 +132,7 @@ STICTION_HD_OUTLINE void load_mass(const VelocityWorkspace<Types>& workspace, co
     }
     for (int l = 0; l < Types::kLanes; ++l)
       if (k >= envs[l].dofs) row.at(tree.depth[k], l) = Number(1);
-  }
+  });
 }
 
 /// A factor in the tree's envelope. Its row of number k is a column here: it has the entries of k and of what is below
@@ -142,7 +142,7 @@ STICTION_HD_OUTLINE void load_factor(const VelocityWorkspace<Types>& workspace, 
                                      const TreeOf<Types>& tree, const LaneEnv<Real> (&envs)[Types::kLanes],
                                      const Real (&zeros)[kTileReach<Real>]) {
   using Number = typename Types::Number;
-  for (Index k = 0; k < tree.dofs; ++k) {
+  workspace.each(tree.dofs, [&](Index k) {
     const Index depth = tree.depth[k];
     SmallOf<Types> below[TreeOf<Types>::kMostDofs];
     Index count = 0;
@@ -158,9 +158,11 @@ STICTION_HD_OUTLINE void load_factor(const VelocityWorkspace<Types>& workspace, 
           entry(c)[l] =
               static_cast<Number>(below[c] < envs[l].dofs ? mass_entry(envs[l], Index{below[c]}, k) : Real(0));
     }
-  }
-  for (int l = 0; l < Types::kLanes; ++l)
-    for (Index k = envs[l].dofs; k < tree.dofs; ++k) workspace.M.at(tree.diagonal(k), l) = Number(1);
+  });
+  workspace.each(tree.dofs, [&](Index k) {
+    for (int l = 0; l < Types::kLanes; ++l)
+      if (k >= envs[l].dofs) workspace.M.at(tree.diagonal(k), l) = Number(1);
+  });
 }
 
 /// M, or its factor, and v_free.
@@ -171,9 +173,10 @@ STICTION_HD void load_motion(const VelocityWorkspace<Types>& workspace, const Ja
   if (batch.mass_form == MassForm::matrix) load_mass(workspace, batch, tree, envs, zeros);
   if (batch.mass_form == MassForm::factor) load_factor(workspace, batch, tree, envs, zeros);
   for (int l = 0; l < Types::kLanes; ++l)
-    for (Index k = 0; k < tree.dofs; ++k)
+    workspace.each(tree.dofs, [&](Index k) {
       workspace.v_free.at(k, l) =
           static_cast<typename Types::Number>(k < envs[l].dofs ? envs[l].v_free[dof_of(envs[l], k)] : Real(0));
+    });
 }
 
 /// A row of J by its stored entries; such as name a column twice add up.
@@ -287,19 +290,21 @@ STICTION_HD_OUTLINE Mask<typename Types::Wide> sound_lanes(const VelocityWorkspa
                                                            const SlotCounts& counts) {
   using Wide = typename Types::Wide;
   Wide nothing(0);  // NaN where anything is not finite
-  for (Index e = 0; e < tree.entries; ++e) nothing = fma_(workspace.M[e], Wide(0), nothing);
-  for (Index k = 0; k < tree.dofs; ++k) nothing = fma_(workspace.v_free[k], Wide(0), nothing);
-  for (Offset e = 0; e < counts.entries; ++e) nothing = fma_(workspace.J[e], Wide(0), nothing);
+  workspace.share(tree.entries, [&](Index e) { nothing = fma_(workspace.M[e], Wide(0), nothing); });
+  workspace.share(tree.dofs, [&](Index k) { nothing = fma_(workspace.v_free[k], Wide(0), nothing); });
+  workspace.share(static_cast<Index>(counts.entries),
+                  [&](Index e) { nothing = fma_(workspace.J[e], Wide(0), nothing); });
   Mask<Wide> sound = Wide(0) == Wide(0);
-  for (Index row = 0; row < counts.rows; ++row) {
+  workspace.share(counts.rows, [&](Index row) {
     nothing = fma_(workspace.target[row], Wide(0), nothing);
     nothing = fma_(workspace.R[row], Wide(0), nothing);
     nothing = fma_(workspace.mu[row], Wide(0), nothing);
     sound = and_(sound, and_(workspace.R[row] >= Wide(0), workspace.mu[row] >= Wide(0)));
-  }
-  for (Index s = 0; s < counts.slots; ++s)
+  });
+  workspace.share(counts.slots, [&](Index s) {
     if (slots[s].rows == 1) sound = and_(sound, workspace.law[3 * s + 1] <= workspace.law[3 * s + 2]);
-  return and_(sound, nothing == Wide(0));
+  });
+  return workspace.all(and_(sound, nothing == Wide(0)));
 }
 
 }  // namespace stiction::inline STICTION_ISA

@@ -1,0 +1,79 @@
+#pragma once
+
+#include "core/algorithm/velocity/lanes/velocity_workspace.hpp"
+
+/// The diagonal of A = J M^-1 J' of the environments in a pack's lanes.
+namespace stiction::inline STICTION_ISA {
+
+/// `View`: DoublePack, whose M is factored.
+template <class View>
+struct PackDiagonal {
+  using Double = typename View::Double;
+  using Doubles = typename View::Doubles;
+  const View& pack;
+
+  /// Lanes of a team take a slot each. A pack takes three rows at once of slots that touch the same degrees of freedom.
+  STICTION_HD void find() const {
+    const Doubles x = pack.array(pack.workspace.wide_rows);
+    const Index count = pack.counts.slots;
+    if constexpr (!kIsAlone<decltype(pack.workspace.team())>) {
+      const Doubles own = x.from(Offset{pack.workspace.lanes->rank()} * pack.tree.levels);
+      pack.workspace.each(count, [&](Index s) {
+        for (Index k = 0; k < pack.slots[s].rows; ++k) find_of<1>(pack.slots[s], k, own);
+      });
+    } else {
+      for (Index s = 0; s < count;) {
+        const auto& slot = pack.slots[s];
+        s += run_of(pack.slots, s, count);
+        const Index rows = pack.slots[s - 1].row + pack.slots[s - 1].rows - slot.row;
+        Index k = 0;
+        for (; k + 3 <= rows; k += 3) find_of<3>(slot, k, x);
+        for (; k < rows; ++k) find_of<1>(slot, k, x);
+      }
+    }
+  }
+
+ private:
+  /// Of kRows rows of a slot from row `from` on: sum of (L^-T j)^2 / D, each element in turn along the root path. `x`
+  /// has room for them by depth.
+  template <int kRows, class Slot>
+  STICTION_HD void find_of(const Slot& slot, Index from, const Doubles& x) const {
+    const auto& tree = pack.tree;
+    const Doubles L = pack.array(pack.workspace.factor), pivot = pack.array(pack.workspace.pivot);
+    const Index last = slot.columns == 0 ? 0 : slot.dof[slot.columns - 1];
+    const auto* const path = tree.path(last);
+    for (Index d = 0; d < kRows * (tree.depth[last] + 1); ++d) x.put(d, Double(0));
+    for (int r = 0; r < kRows; ++r) {
+      const Offset entry = slot.entry + static_cast<Offset>(from + r) * slot.columns;
+      for (Index c = 0; c < slot.columns; ++c)
+        x.put(kRows * slot.depth[c] + r, pack.number(pack.workspace.J, entry + c));
+    }
+    Double sum[kRows];
+    for (int r = 0; r < kRows; ++r) sum[r] = Double(0);
+    for (Index e = tree.depth[last]; e >= 0; --e) {
+      Double minus[kRows];
+      for (int r = 0; r < kRows; ++r) {
+        const Double value = x[kRows * e + r];
+        sum[r] = fma_(value * value, pivot[path[e]], sum[r]);
+        minus[r] = Double(0) - value;
+      }
+      if constexpr (!std::remove_cvref_t<decltype(tree)>::kIsWhole)
+        if (!any_nonzero(minus)) continue;
+      const Doubles row = L.from(tree.begin[path[e]]);
+      for (Index d = tree.first(path[e]); d < e; ++d) {
+        const Double entry = row[d];
+        for (int r = 0; r < kRows; ++r) x.put(kRows * d + r, fma_(minus[r], entry, x[kRows * d + r]));
+      }
+    }
+    for (int r = 0; r < kRows; ++r) pack.array(pack.workspace.diagonal).put(slot.row + from + r, sum[r]);
+  }
+
+  template <int kRows>
+  static STICTION_HD bool any_nonzero(const Double (&numbers)[kRows]) {
+    bool found = false;
+    for (int r = 0; r < kRows; ++r) found = found || any(numbers[r] != Double(0));
+    return found;
+  }
+};
+
+}  // namespace stiction::inline STICTION_ISA

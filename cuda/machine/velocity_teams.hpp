@@ -1,0 +1,17 @@
+#pragma once
+
+#include <cstddef>
+
+namespace stiction::cuda {
+
+/// A launch of Newton's method in velocities.
+struct VelocityTeamLimits {
+  int lanes;          ///< of a team
+  std::size_t bytes;  ///< of fast memory that it may have at most
+};
+
+/// Launches one after the other; each takes what fits that no launch before has tried. Two teams of the first share a
+/// warp, and four such warps a multiprocessor of 227 KB. They reach speed only.
+inline constexpr VelocityTeamLimits kVelocityTeams[] = {{16, std::size_t{24} << 10}, {32, ~std::size_t{0}}};
+
+}  // namespace stiction::cuda
