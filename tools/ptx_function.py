@@ -15,7 +15,7 @@ class Function(Instructions):
         self.types = {}  # register -> PTX type
         self.depot = None  # (C++ name, alignment, bytes) of memory on the stack
         self.code = []
-        self.counted = [0, 0, 0]  # instructions, generic and stack accesses since the last place where control can enter or leave
+        self.counted = 0  # instructions since the last place where control can enter or leave
 
     # -- operands
 
@@ -68,18 +68,17 @@ class Function(Instructions):
 
     # -- statements
 
-    def count(self):
-        """Adds what was counted to the lane's counters."""
-        if any(self.counted):
-            self.code.append(f"lane.count({', '.join(map(str, self.counted))});")
-        self.counted = [0, 0, 0]
+    def count(self, *_):
+        """Ends a straight piece of code: adds what was counted to the lane's count."""
+        if self.counted:
+            self.code.append(f"lane.count({self.counted});")
+        self.counted = 0
 
     def add(self, statement):
         if statement in "{}":
             self.code.append(statement)
         elif statement.endswith(":"):
-            self.count()
-            self.code.append(f"{identifier(statement[:-1])}:;")
+            self.label(identifier(statement[:-1]))
         elif statement.startswith(".reg"):
             self.declare(statement)
         elif statement.startswith(".local"):
@@ -97,6 +96,10 @@ class Function(Instructions):
         else:
             self.instruction(statement)
 
+    def label(self, name):
+        self.count()
+        self.code.append(f"{name}:;")
+
     def declare(self, statement):
         match = re.fullmatch(r"\.reg \.(\w+) (.*)", statement)
         for one in match[2].split(","):
@@ -108,10 +111,14 @@ class Function(Instructions):
         match = re.fullmatch(r"call(?:\.uni)? (?:\( ?(\w+) ?\) ?, ?)?([\w$]+) ?(?:, ?\(([^)]*)\))?", statement)
         if match is None or match[2] not in self.module.functions:
             raise PtxError(f"a call of unknown form: {statement}")
-        self.counted[0] += 1
+        self.counted += 1
         self.count()
         given = [self.symbols[name] for name in split(match[3] or "")]
-        self.code.append(f"{self.module.functions[match[2]]}({', '.join(['lane', match[1] or 'nullptr'] + given)});")
+        self.code.append(self.called(f"{self.module.functions[match[2]]}({', '.join(['lane', match[1] or 'nullptr'] + given)});"))
+
+    @staticmethod
+    def called(text):
+        return text
 
     def instruction(self, statement):
         match = re.fullmatch(r"(?:@(!?)%(\w+) )?([a-z][\w.:]*)(?: (.*))?", statement)
@@ -119,7 +126,7 @@ class Function(Instructions):
             raise PtxError(f"an instruction of unknown form: {statement}")
         parts = match[3].split(".")
         self.module.seen[match[3]] += 1
-        self.counted[0] += 1
+        self.counted += 1
         translate = getattr(self, f"op_{parts[0]}", None)
         if translate is None:
             raise PtxError(f"an unknown instruction: {statement}")
@@ -130,6 +137,6 @@ class Function(Instructions):
         if text is None:
             raise PtxError(f"an unknown form of an instruction: {statement}")
         if parts[0] in ("bra", "ret", "exit"):
-            self.count()
+            self.count(identifier(match[4]) if parts[0] == "bra" else None, bool(match[2]))
         guard = f"if ({match[1]}{identifier(match[2])}) " if match[2] else ""
         self.code.append(f"{guard}{{ {text} }}" if guard else text)

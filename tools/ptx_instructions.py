@@ -35,19 +35,13 @@ class Instructions:
             return self.write(o[0], f"{cpp('b' + kind[1:])}({joined})", "b" + kind[1:])
         return self.write(o[0], self.read(o[1], kind), kind)
 
-    def space(self, m):
-        """State space of a memory instruction; counts the access."""
-        space = next((part for part in m if part in ("param", "local", "shared", "global", "const")), "generic")
-        self.counted[1] += space in ("generic", "global")
-        self.counted[2] += space == "local"
-        return space
-
-    def place(self, space, operand):
+    def place(self, m, operand, stores=False):  # pylint: disable=unused-argument
+        """Address of a memory access."""
         address = self.address(operand)
-        return f"lane.shared_address({address})" if space == "shared" else address
+        return f"lane.shared_address({address})" if "shared" in m else address
 
     def op_ld(self, m, o):
-        kind, place = m[-1], self.place(self.space(m), o[1])
+        kind, place = m[-1], self.place(m, o[1])
         known = {"param", "local", "shared", "global", "const", "v2", "v4", "nc", "acquire", "gpu", "volatile", "relaxed", kind}
         if set(m) - known:
             return None
@@ -60,7 +54,7 @@ class Instructions:
         return f"{{ {wait}{text} }}" if wait else text
 
     def op_st(self, m, o):
-        kind, place = m[-1], self.place(self.space(m), o[0])
+        kind, place = m[-1], self.place(m, o[0], True)
         if set(m) - {"param", "local", "shared", "global", "v2", "v4", "release", "gpu", "volatile", "relaxed", kind}:
             return None
         if o[1].startswith("{"):
@@ -74,7 +68,7 @@ class Instructions:
         (operation,) = [part for part in m if part in ATOMICS]
         if set(m) - {"global", "shared", "relaxed", "release", "acquire", "acq_rel", "gpu", "cta", operation, kind}:
             return None
-        place = self.place(self.space(m), o[1])
+        place = self.place(m, o[1], True)
         return self.write(o[0], f"atomic_{operation}<{cpp(kind)}>({place}, {self.read(o[2], kind)})", kind)
 
     def op_setp(self, m, o):

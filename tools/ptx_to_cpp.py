@@ -3,6 +3,7 @@
 
     tools/ptx_to_cpp.py OBJECT --arch 80 -o FILE.cpp      the PTX inside an object of a build with tests
     tools/ptx_to_cpp.py FILE.ptx -o FILE.cpp
+    tools/ptx_to_cpp.py FILE.ptx --trace -o FILE.cpp      its lanes leave traces (tests/ptx/replay.hpp)
     tools/ptx_to_cpp.py --self-test
 
 A function becomes a function of the lane that runs it, a register a variable, an instruction a statement. An
@@ -18,6 +19,7 @@ import sys
 import fatbin
 from ptx_function import Function
 from ptx_text import PtxError, cpp, identifier, parameters, statements
+from ptx_trace import TracedFunction, in_order
 
 
 class Module:
@@ -26,7 +28,8 @@ class Module:
     HEAD = re.compile(r"(?:\.visible |\.weak )?\.(func|entry)\s*(?:\(([^)]*)\))?\s*([\w$]+)\s*\(([^)]*)\)\s*(\.\w+[^;{]*)?([;{])")
     MOST_THREADS = re.compile(r"\.maxntid\s+(\d+)\s*(?:,\s*1\s*)*(?:\.|$)")
 
-    def __init__(self, text):
+    def __init__(self, text, traces=False):
+        self.traced = [] if traces else None  # (PTX name, pieces) of each function
         text = re.sub(r"//[^\n]*", "", text)
         self.text = re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL)
         self.seen = collections.Counter()
@@ -67,16 +70,18 @@ class Module:
                 self.kernels.append((name, given, int(most[1]) if most else 1024))
         prototypes = dict(zip(self.functions, self.prototypes))
         for name, given, result, body in found:
-            self.bodies.append(self.translate(prototypes[name], given, result, body))
+            self.bodies.append(self.translate(name, prototypes[name], given, result, body))
 
-    def translate(self, prototype, given, result, body):
+    def translate(self, name, prototype, given, result, body):
         symbols = dict(self.symbols)
         symbols.update({name: f"given{i}" for i, (name, _) in enumerate(given)})
         symbols.update({name: "result" for name, _ in result})
-        function = Function(self, symbols)
+        function = Function(self, symbols) if self.traced is None else TracedFunction(self, symbols)
         for statement in statements(body):
             function.add(statement)
         function.count()
+        if self.traced is not None:
+            self.traced.append((name, function.pieces()))
         lines = [prototype + " {"]
         if function.depot:
             name, alignment, size = function.depot
@@ -88,13 +93,37 @@ class Module:
             lines += [f"{kind} {', '.join(registers[i:i + 12])};" for i in range(0, len(registers), 12)]
         return "\n".join(lines + function.code + ["}"])
 
+    def piece_count(self):
+        """Pieces of the functions so far. Numbers of pieces begin at 1."""
+        return sum(len(pieces) for _, pieces in self.traced)
+
+    def traced_text(self):
+        """What a replay has to know of the code."""
+        pieces, sites = [], []
+        for i, (_, own) in enumerate(self.traced):
+            for instructions, position, accesses in own:
+                pieces.append(f"{{{instructions}, {i}, {position}, {len(sites)}}}")
+                sites += [f"{{{size}, {str(stores).lower()}}}" for size, stores in accesses]
+        names = ", ".join(f'"{name}"' for name, _ in self.traced)
+        return [f"const char* const functions[] = {{{names}}};",
+                f"const TracedPiece pieces[] = {{{{}}, {', '.join(pieces)}}};",
+                f"const TracedAccess accesses[] = {{{', '.join(sites + ['{}'])}}};",
+                "const TracedCode code{functions, pieces, accesses};"]
+
     def cpp_text(self):
         lines = ["// Made by tools/ptx_to_cpp.py.", '#include "tests/ptx/operations.hpp"', "",
                  "namespace stiction::ptx {", "namespace {", ""]
+        if self.traced is not None:
+            lines.insert(2, '#include "tests/ptx/trace.hpp"')
         lines += self.globals + [prototype + ";" for prototype in self.prototypes] + self.bodies
+        if self.traced is not None:
+            lines += self.traced_text()
         for i, (name, given, most) in enumerate(self.kernels):
             passed = "".join(f", parameter[{k}]" for k in range(len(given)))
             lines.append(f"void enter_{i}(Lane& lane, unsigned char** parameter) {{ {self.functions[name]}(lane, nullptr{passed}); }}")
+            if self.traced is not None:
+                lines.append(f'const RegisteredTrace registered_{i}({{"{name}", enter_{i}, &code}});')
+                continue
             lines.append(f"void launch_{i}(const cuda::EmulatedLaunch&, const void*);")
             sizes = ", ".join(str(size) for _, size in given)
             lines.append(f'Kernel kernel_{i}{{"{name}", enter_{i}, {{launch_{i}}}, {{{sizes}}}, {most}}};')
@@ -138,7 +167,15 @@ def self_test():
         if expected not in Module(body(code)).cpp_text():
             failed += 1
             print(f"{code} is not {expected}")
-    print(f"{len(wrong) + len(right)} cases, {failed} failed")
+    # Loops within loops, an exit that is written before its loop, two ways around.
+    orders = {((1,), (2, 5), (3, 4), (2, 4), (1,), ()): [0, 1, 2, 3, 4, 5],
+              ((2,), (), (1, 3), (4, 2), (2,)): [0, 2, 3, 4, 1],
+              ((1,), (2, 3), (), (4,), (5,), (1,)): [0, 1, 3, 4, 5, 2]}
+    for leads, expected in orders.items():
+        if in_order(range(len(leads)), leads) != expected:
+            failed += 1
+            print(f"{leads} are in the order {in_order(range(len(leads)), leads)}, not {expected}")
+    print(f"{len(wrong) + len(right) + len(orders)} cases, {failed} failed")
     return 1 if failed else 0
 
 
@@ -147,6 +184,7 @@ def main():
     parser.add_argument("file", nargs="?", type=pathlib.Path)
     parser.add_argument("--arch", default="80")
     parser.add_argument("-o", "--output", type=pathlib.Path)
+    parser.add_argument("--trace", action="store_true", help="let lanes leave traces")
     parser.add_argument("--self-test", action="store_true")
     arguments = parser.parse_args()
     if arguments.self_test:
@@ -154,7 +192,7 @@ def main():
     if arguments.file is None or arguments.output is None:
         parser.error("a file and -o are needed")
     try:
-        module = Module(text_of(arguments.file, arguments.arch))
+        module = Module(text_of(arguments.file, arguments.arch), arguments.trace)
     except (PtxError, fatbin.FatbinError) as error:
         print(f"{arguments.file.name}: {error}", file=sys.stderr)
         return 1

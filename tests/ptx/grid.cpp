@@ -7,6 +7,7 @@
 
 #include "cuda/emulated/guarded_memory.hpp"
 #include "stiction/error.hpp"
+#include "tests/ptx/trace.hpp"
 
 namespace stiction::ptx {
 
@@ -51,6 +52,11 @@ void* allocate_shared(std::size_t bytes) {
   return memory;
 }
 
+std::vector<TracedLaunch>*& recorded_launches() {
+  static std::vector<TracedLaunch>* launches = nullptr;
+  return launches;
+}
+
 /// Memory of a grid that is one team.
 void* grid_memory() {
   static std::vector<std::max_align_t> memory(cuda::kGridBytes / sizeof(std::max_align_t) + 1);
@@ -58,6 +64,10 @@ void* grid_memory() {
 }
 
 }  // namespace
+
+void record_traces(std::vector<TracedLaunch>* launches) {
+  recorded_launches() = launches;
+}
 
 Grid::Grid(Kernel& kernel, const cuda::LaunchShape& shape)
     : kernel_(kernel),
@@ -94,6 +104,7 @@ void Grid::start(const void* arguments) {
   at_block_.assign(blocks_, 0);
   ended_.assign(blocks_, 0);
   threads_.resize(std::size_t{blocks_} * block_size);
+  begin_trace(arguments);
   for (u32 i = 0; i < threads_.size(); ++i) {
     Thread& thread = threads_[i];
     const u32 block = i / block_size;
@@ -104,15 +115,45 @@ void Grid::start(const void* arguments) {
                    static_cast<u32>(grid_.width),
                    blocks_,
                    static_cast<unsigned char*>(shared_[block]),
-                   {}};
+                   0,
+                   nullptr};
+    if (traced_ != nullptr) {
+      thread.lane.trace = &recorded_launches()->back().lanes[i];
+      thread.lane.trace->shared = reinterpret_cast<u64>(shared_[block]);
+    }
     thread.fiber = boost::context::fiber(std::allocator_arg, Stacks(), [this, &thread](boost::context::fiber&& caller) {
       scheduler_ = std::move(caller);
-      kernel_.enter(thread.lane, parameter_.data());
+      if (traced_ != nullptr) {
+        thread.lane.trace->stack = reinterpret_cast<u64>(__builtin_frame_address(0));
+        traced_->enter(thread.lane, parameter_.data());
+      } else {
+        kernel_.enter(thread.lane, parameter_.data());
+      }
       thread.wait.what = Waiting::end;
       return std::move(scheduler_);
     });
     make_ready(i);
   }
+}
+
+void Grid::begin_trace(const void* arguments) {
+  std::vector<TracedLaunch>* const launches = recorded_launches();
+  if (launches == nullptr) return;
+  for (const TracedKernel& traced : traced_kernels())
+    if (std::strcmp(traced.name, kernel_.name) == 0) traced_ = &traced;
+  if (traced_ == nullptr) return;
+  const auto* const bytes = static_cast<const unsigned char*>(arguments);
+  TracedLaunch& launch = launches->emplace_back();
+  launch.code = traced_->code;
+  launch.kernel = kernel_.name;
+  launch.arguments.assign(bytes, bytes + kernel_.parameter_bytes[0]);
+  for (std::size_t i = 0; i < parameter_.size(); ++i) {
+    launch.parameters[i][0] = reinterpret_cast<u64>(parameter_[i]);
+    launch.parameters[i][1] = launch.parameters[i][0] + kernel_.parameter_bytes[i];
+  }
+  launch.shared_bytes = grid_.shared;
+  launch.block_size = static_cast<u32>(grid_.block);
+  launch.lanes.resize(threads_.size());
 }
 
 void Grid::run(const void* arguments) {
@@ -130,12 +171,7 @@ void Grid::run(const void* arguments) {
     left -= thread.wait.what == Waiting::end ? 1 : 0;
     release(thread);
   }
-  for (const Thread& thread : threads_) {
-    kernel_.counts.instructions += thread.lane.counts.instructions;
-    kernel_.counts.generic += thread.lane.counts.generic;
-    kernel_.counts.local += thread.lane.counts.local;
-    kernel_.counts.barriers += thread.lane.counts.barriers;
-  }
+  for (const Thread& thread : threads_) kernel_.instructions += thread.lane.instructions;
 }
 
 void Grid::resume(Thread& thread) {

@@ -55,6 +55,8 @@ class Grid {
   };
 
   void start(const void* arguments);
+  /// Begins a trace of the launch, if it is to leave one.
+  void begin_trace(const void* arguments);
   void resume(Thread& thread);
   /// Lets those go on who wait with `thread`, if they are all here.
   void release(Thread& thread);
@@ -65,6 +67,7 @@ class Grid {
   [[noreturn]] void report_deadlock() const;
 
   Kernel& kernel_;
+  const TracedKernel* traced_ = nullptr;  ///< executed in its place
   cuda::LaunchShape shape_;
   cuda::LaunchGrid grid_;
   u32 blocks_ = 0;

@@ -24,14 +24,9 @@ using b32 = u32;
 using b64 = u64;
 
 class Grid;
-
-/// What lanes have executed.
-struct LaneCounts {
-  u64 instructions = 0;
-  u64 generic = 0;  ///< loads and stores that may reach any memory
-  u64 local = 0;    ///< loads and stores of a lane's own stack
-  u64 barriers = 0;
-};
+struct LaneTrace;
+struct TracedCode;
+struct TracedLaunch;
 
 /// A thread of CUDA. What translated code asks of it; the rest is its grid's.
 struct Lane {
@@ -42,13 +37,16 @@ struct Lane {
   u32 width = 1;  ///< first dimension of its block
   u32 blocks = 0;
   unsigned char* shared = nullptr;  ///< fast memory of its block
-  LaneCounts counts;
+  u64 instructions = 0;             ///< executed
+  LaneTrace* trace = nullptr;       ///< that it leaves, if its code was translated so
 
-  void count(unsigned instructions, unsigned generic, unsigned local) {
-    counts.instructions += instructions;
-    counts.generic += generic;
-    counts.local += local;
-  }
+  /// What code says that leaves a trace. A piece is executed. A function is entered, or left. An access of the piece
+  /// reaches an address, which is returned.
+  void trace_piece(u32 number) const;
+  void trace_call(bool enters) const;
+  [[nodiscard]] u64 trace_access(u16 number, u64 address) const;
+
+  void count(unsigned executed) { instructions += executed; }
 
   [[nodiscard]] u64 shared_address(u64 offset) const { return reinterpret_cast<u64>(shared) + offset; }
   [[nodiscard]] u64 shared_offset(u64 address) const { return address - reinterpret_cast<u64>(shared); }
@@ -80,13 +78,26 @@ struct Kernel {
   u32 most_threads;        ///< of a block: what it was compiled for
   bool is_serial = false;  ///< each lane is a team
   u64 launches = 0;
-  LaneCounts counts;
+  u64 instructions = 0;  ///< executed by all lanes
 };
 
 /// Runs a launch as CudaApi would shape it. A misaligned address ends the process with a message, one outside of an
 /// allocation by a signal. \throws Error(device_failure) that names the lane and what it did wrong: a barrier that
 /// others never reach, a mask without the lane, a trap. So does a launch with more shared memory than there is.
 void launch(Kernel& kernel, const cuda::EmulatedLaunch& shape, const void* arguments);
+
+/// A kernel translated once more, so that its lanes leave traces.
+struct TracedKernel {
+  const char* name;  ///< mangled
+  void (*enter)(Lane& lane, unsigned char** parameters);
+  const TracedCode* code;
+};
+std::vector<TracedKernel>& traced_kernels();
+struct RegisteredTrace {
+  explicit RegisteredTrace(const TracedKernel& kernel) { traced_kernels().push_back(kernel); }
+};
+/// Where launches of traced kernels are recorded from now on, in place of the others; null: nowhere.
+void record_traces(std::vector<TracedLaunch>* launches);
 
 /// Every kernel that was translated.
 std::vector<Kernel*>& kernels();

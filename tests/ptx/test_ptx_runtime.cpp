@@ -99,12 +99,10 @@ TEST(PtxRuntime, AfterAMistakeTheNextLaunchIsSound) {
 
 TEST(PtxRuntime, WhatLanesExecuteIsCounted) {
   Kernel& counted = kernel("neighbours");
-  const LaneCounts before = counted.counts;
+  const u64 before = counted.instructions;
   std::array<u32, 128> out{};
   launch_teams("neighbours", 128, out.data(), 512);
-  EXPECT_EQ(counted.counts.barriers - before.barriers, 128U);
-  EXPECT_EQ(counted.counts.generic - before.generic, 128U) << "one store to global memory a lane";
-  EXPECT_EQ(counted.counts.instructions - before.instructions, 128U * 15U);
+  EXPECT_EQ(counted.instructions - before, 128U * 15U);
 }
 
 TEST(PtxOperations, BitsAreMovedAsDescribed) {

@@ -1,85 +1,18 @@
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <map>
-#include <set>
 #include <string>
-#include <tuple>
 
 #include "core/job/fallback_chain.hpp"
-#include "cuda/emulated/emulated_device.hpp"
 #include "cuda/machine/engine.hpp"
-#include "cuda/native/launch_grid.hpp"
 #include "stiction/error.hpp"
-#include "tests/support/machines/device_batch.hpp"
+#include "tests/support/machines/counting_device.hpp"
 #include "tests/support/machines/every_solver.hpp"
 
 /// What launches of the engine ask for, against what GPUs have. One that asks for more fails there whatever the batch,
 /// since every class of the capacity is launched.
 namespace stiction::test {
 namespace {
-
-/// Fast memory of a block and of a multiprocessor [KiB]: of an H200, an A100, an RTX 4090.
-struct Gpu {
-  const char* name;
-  std::size_t block, processor;
-};
-constexpr Gpu kGpus[] = {{"H200", 227, 228}, {"A100", 163, 164}, {"RTX 4090", 99, 100}};
-
-/// Queues nothing, and looks at what it is to launch.
-class CountingDevice final : public cuda::DeviceApi {
- public:
-  explicit CountingDevice(const Gpu& gpu) : gpu_(gpu) {
-    facts_ = {gpu.name, 132, gpu.block << 10U, gpu.processor << 10U};
-  }
-  [[nodiscard]] const cuda::DeviceFacts& facts() const override { return facts_; }
-  [[nodiscard]] const cuda::KernelCatalogue& kernels() const override { return emulated_.kernels(); }
-  void* allocate(std::size_t) override { return this; }
-  void release(void*) noexcept override {}
-  void* allocate_pinned(std::size_t) override { return this; }
-  void release_pinned(void*) noexcept override {}
-  cuda::StreamHandle create_stream() override { return this; }
-  void destroy_stream(cuda::StreamHandle) noexcept override {}
-  cuda::EventHandle create_event(cuda::EventUse) override { return this; }
-  void destroy_event(cuda::EventHandle) noexcept override {}
-  void copy(void*, const void*, std::size_t, cuda::CopyKind, cuda::StreamHandle) override {}
-  void fill_zero(void*, std::size_t, cuda::StreamHandle) override { ++fills; }
-  void prepare(const cuda::KernelRef& kernel, const cuda::LaunchShape& shape) override {
-    ASSERT_NE(kernel.entry, nullptr) << kernel.name;
-    prepared.insert(what_counts(kernel, shape));
-  }
-  void launch(const cuda::KernelRef& kernel, const cuda::LaunchShape& shape, const void*, cuda::StreamHandle) override {
-    ++launches;
-    EXPECT_EQ(prepared.count(what_counts(kernel, shape)), 1U) << kernel.name << " could not be captured";
-    std::size_t& most = shared[kernel.entry];
-    most = std::max(most, shape.shared_bytes);
-    const cuda::LaunchGrid grid = cuda::launch_grid(shape, shape.lanes == 1, facts_, nullptr);
-    EXPECT_LE(grid.shared, facts_.shared_bytes) << kernel.name << ", " << shape.lanes << " lanes, " << gpu_.name;
-    EXPECT_EQ(grid.block % cuda::kWarp, 0);
-    EXPECT_LE(grid.block, cuda::kMostLanes);
-  }
-  void record(cuda::EventHandle, cuda::StreamHandle) override {}
-  void wait(cuda::StreamHandle, cuda::EventHandle) override {}
-  bool capturing(cuda::StreamHandle) override { return false; }
-  void synchronize(cuda::StreamHandle) override {}
-  void await(cuda::EventHandle) override {}
-  std::optional<double> microseconds(cuda::EventHandle, cuda::EventHandle) override { return std::nullopt; }
-
-  int launches = 0;
-  int fills = 0;
-  std::set<std::tuple<const void*, int, std::size_t, bool>> prepared;
-  std::map<const void*, std::size_t> shared;  ///< most fast memory that teams of a kernel asked for [byte]
-
- private:
-  static std::tuple<const void*, int, std::size_t, bool> what_counts(const cuda::KernelRef& kernel,
-                                                                     const cuda::LaunchShape& shape) {
-    return {kernel.entry, shape.lanes, shape.shared_bytes, shape.whole_device};
-  }
-
-  Gpu gpu_;
-  cuda::DeviceFacts facts_;
-  cuda::EmulatedDevice emulated_;  ///< has a catalogue of kernels
-};
 
 /// Queues a solve of 8192 environments under each law.
 template <class Real>

@@ -1,0 +1,297 @@
+#include <cxxabi.h>
+#include <dlfcn.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdlib>
+#include <cstring>
+#include <fstream>
+#include <functional>
+#include <map>
+#include <memory>
+#include <regex>
+#include <sstream>
+#include <string>
+
+#include "cuda/kernels/velocity_program.hpp"
+#include "cuda/kernels/work_queue.hpp"
+#include "stiction/io.hpp"
+#include "stiction/solver.hpp"
+#include "tests/ptx/replay.hpp"
+#include "tests/support/bits.hpp"
+#include "tests/support/machines/device_jacobians.hpp"
+#include "tests/support/machines/on_engine.hpp"
+
+/// How much a GPU's warps issue and move for recorded robots: what makes a kernel slow and shows in no bit. A warp has
+/// 32 different environments, or teams of its lanes have one each. `STICTION_UPDATE_COUNTS=1` writes the table instead.
+namespace stiction::test {
+namespace {
+
+using ptx::Issued;
+using ptx::Memory;
+using ptx::TracedLaunch;
+
+constexpr const char* kHead = "counted,compiler,issued,lanes,scratch,lists,input,output,stack,shared,barriers";
+constexpr double kAllowed = 0.1;  ///< more than the table says
+constexpr double kTolerance = 1e-4;
+constexpr Offset kEnvs = 32;
+
+using Row = std::array<double, 9>;
+Row row_of(const Issued& issued) {
+  const auto one = [](std::uint64_t all) { return static_cast<double>(all) / static_cast<double>(kEnvs); };
+  return {one(issued.instructions),      one(issued.lanes) / 32,         one(issued.of(Memory::scratch)),
+          one(issued.of(Memory::lists)), one(issued.of(Memory::input)),  one(issued.of(Memory::output)),
+          one(issued.of(Memory::stack)), one(issued.of(Memory::shared)), one(issued.barriers)};
+}
+
+/// Launches of traced kernels while it lives.
+class Recorded {
+ public:
+  Recorded() { record_(&launches_); }
+  ~Recorded() { record_(nullptr); }
+  Recorded(const Recorded&) = delete;
+  Recorded& operator=(const Recorded&) = delete;
+  [[nodiscard]] const std::vector<TracedLaunch>& launches() const { return launches_; }
+
+ private:
+  using Record = void (*)(std::vector<TracedLaunch>*);
+  std::vector<TracedLaunch> launches_;
+  Record record_ = reinterpret_cast<Record>(
+      dlsym(dlopen(std::getenv("STICTION_EMULATED_KERNELS"), RTLD_NOW), "stiction_ptx_record"));
+};
+
+std::string demangled(const std::string& name) {
+  const std::unique_ptr<char, decltype(&std::free)> text(abi::__cxa_demangle(name.c_str(), nullptr, nullptr, nullptr),
+                                                         std::free);
+  return text == nullptr ? name : text.get();
+}
+
+template <class Args>
+Args arguments_of(const TracedLaunch& launch) {
+  Args args;
+  EXPECT_EQ(launch.arguments.size(), sizeof(args));
+  std::memcpy(&args, launch.arguments.data(), sizeof(args));
+  return args;
+}
+
+/// Where the arrays of a launch lie, but for its input.
+template <class Real>
+std::vector<ptx::Place> velocity_places(const TracedLaunch& launch) {
+  const auto args = arguments_of<cuda::VelocityArgs<Real>>(launch);
+  const JacobianBatchView<Real>& batch = args.job.batch;
+  const Offset teams = (batch.env_count + cuda::kWarp - 1) / cuda::kWarp;
+  return {place_of(args.numbers, teams * args.numbers_per_team, Memory::scratch),
+          place_of(args.lists, teams * cuda::kWarp * args.lists_per_lane, Memory::lists),
+          place_of(args.job.to.lambda, batch.row_count, Memory::output),
+          place_of(args.job.to.w, batch.row_count, Memory::output),
+          place_of(args.job.to.velocity, batch.dof_count, Memory::output),
+          place_of(args.job.to.status, batch.env_count, Memory::output)};
+}
+template <class Real>
+std::vector<ptx::Place> queue_places(const TracedLaunch& launch) {
+  const auto args = arguments_of<cuda::QueuedJob<Real>>(launch);
+  const bool has_lane_each = args.queue.size_class >= SizeClass::thread_large;
+  const auto slots = static_cast<Offset>(launch.lanes.size()) / (has_lane_each ? 1 : cuda::kWarp);
+  const Offset room = args.queue.workspace == nullptr ? 0 : slots * args.queue.slot_elements;
+  return {place_of(args.job.lambda, args.job.batch.row_count, Memory::output),
+          place_of(args.job.w, args.job.batch.row_count, Memory::output),
+          place_of(args.job.status, args.job.batch.env_count, Memory::output),
+          place_of(args.queue.workspace, room, Memory::scratch)};
+}
+
+/// Kernels by a part of their names, and where the arrays of their launches lie.
+struct Counted {
+  const char* kernel;
+  std::vector<ptx::Place> (*places)(const TracedLaunch&);
+};
+constexpr Counted kCounted[] = {{"SolveVelocities<float", velocity_places<float>},
+                                {"SolveVelocities<double", velocity_places<double>},
+                                {"(stiction::Law)0, float>", queue_places<float>},
+                                {"(stiction::EnvPath)1, float>", queue_places<float>},
+                                {"(stiction::Law)0, double>", queue_places<double>}};
+
+/// What those of them issue whose names have `part` in them. Every event of every lane has its part in it.
+Issued replayed(const Recorded& recorded, const char* part) {
+  Issued sum;
+  std::uint64_t lanes = 0;
+  for (const TracedLaunch& launch : recorded.launches()) {
+    const std::string name = demangled(launch.kernel);
+    if (name.find(part) == std::string::npos) continue;
+    for (const Counted& counted : kCounted)
+      if (name.find(counted.kernel) != std::string::npos) replay(launch, counted.places(launch), sum);
+    for (const ptx::LaneTrace& lane : launch.lanes)
+      for (const std::uint64_t event : lane.events)
+        if (event >> 48U == ptx::kTracePiece) lanes += launch.code->pieces[event & 0xFFFFFFFFU].instructions;
+  }
+  EXPECT_EQ(sum.lanes, lanes);
+  return sum;
+}
+
+/// A batch's arrays in one block of a device's memory, each where a line of its caches begins.
+template <class View>
+View in_device_memory(cuda::EmulatedDevice& device, const View& batch, cuda::DeviceMemory& memory) {
+  cuda::ArraySet set;
+  View there = batch;
+  const auto make_room = [&](const BatchArray& array, const auto& from, auto& to) {
+    if (from != nullptr) set.add(to, array.length);
+  };
+  for_each_held_array(batch, make_room, batch, there);
+  memory = cuda::DeviceMemory(device, set.bytes());
+  set.place(memory.get());
+  const auto copy = [&](const BatchArray& array, const auto& from, const auto& to) {
+    if (from != nullptr)
+      std::memcpy(const_cast<void*>(static_cast<const void*>(to)), from,
+                  static_cast<std::size_t>(array.length) * sizeof(*from));
+  };
+  for_each_held_array(batch, copy, batch, there);
+  return there;
+}
+
+SolverOptions options_of(SolverKind solver) {
+  SolverOptions options;
+  options.solver = solver;
+  options.tolerance = kTolerance;
+  return options;
+}
+
+/// `auto` on J and M.
+template <class Real>
+Issued velocities(const io::Recording& recording, const std::vector<Offset>& order = {}) {
+  const auto batch = io::jacobian_batch<Real>(recording, order);
+  const SolverOptions options = options_of(SolverKind::automatic);
+  const auto device = std::make_shared<cuda::EmulatedDevice>();
+  cuda::DeviceMemory input, output;
+  const JacobianBatchView<Real> there = in_device_memory(*device, batch.view(), input);
+  JacobianSolutionView<Real> to;
+  cuda::ArraySet set;
+  set.add(to.lambda, there.row_count);
+  set.add(to.w, there.row_count);
+  set.add(to.velocity, there.dof_count);
+  set.add(to.status, there.env_count);
+  output = cuda::DeviceMemory(*device, set.bytes());
+  set.place(output.get());
+  Machine<Real> machine(device, JacobianCapacity::of(batch.view()), FactorUse::by_size, options);
+  const cuda::Stream stream(*device);
+  const Recorded recorded;
+  machine.solve(there, to, StreamRef(stream.get()));
+  device->synchronize(stream.get());
+  Answer<Real> answer(batch.view());
+  std::copy_n(to.lambda, there.row_count, answer.lambda.begin());
+  std::copy_n(to.w, there.row_count, answer.w.begin());
+  std::copy_n(to.velocity, there.dof_count, answer.velocity.begin());
+  std::copy_n(to.status, there.env_count, answer.status.begin());
+  expect_all(batch.view(), answer, batch.view(), solve(batch, options));
+  return replayed(recorded, "Velocit");
+}
+
+/// npgs on A. `by_lanes`: as if there were enough environments for a lane each.
+template <class Real>
+Issued npgs(const io::Recording& recording, bool by_lanes) {
+  const auto batch = convert<Real>(recording.batch);
+  const SolverOptions options = options_of(SolverKind::npgs);
+  cuda::ClassRules rules;
+  rules.many_per_processor = by_lanes ? 0 : batch.env_count() + 1;
+  cuda::EmulatedDevice device;
+  const Recorded recorded;
+  EXPECT_EQ(env_hashes(batch, solve(batch, options)), on_engine(device, batch, options, rules));
+  return replayed(recorded, "Npgs");
+}
+
+constexpr const char* kRobots[] = {"g1", "humanoid", "go1", "leap_hand"};
+io::Recording robot(const char* name) {
+  return io::read_batch(std::string(STICTION_PTX_FOLDER) + "/robots/" + name + ".h5");
+}
+
+struct Count {
+  const char* what;
+  std::function<Issued(const io::Recording&)> of;
+};
+const std::vector<Count>& counts() {
+  static const std::vector<Count> all = {
+      {"velocities f32", [](const io::Recording& robot) { return velocities<float>(robot); }},
+      {"velocities f64", [](const io::Recording& robot) { return velocities<double>(robot); }},
+      {"npgs f32 in lanes", [](const io::Recording& robot) { return npgs<float>(robot, true); }},
+      {"npgs f64 in lanes", [](const io::Recording& robot) { return npgs<double>(robot, true); }},
+      {"npgs f32 in teams", [](const io::Recording& robot) { return npgs<float>(robot, false); }}};
+  return all;
+}
+
+bool is_run_with_kernels() {
+  return std::getenv("STICTION_EMULATED_KERNELS") != nullptr;
+}
+
+std::map<std::string, std::pair<std::string, Row>> table() {
+  std::map<std::string, std::pair<std::string, Row>> rows;
+  std::ifstream file(STICTION_PTX_FOLDER "/lockstep.csv");
+  std::string line;
+  std::getline(file, line);
+  EXPECT_EQ(line, kHead);
+  while (std::getline(file, line)) {
+    std::istringstream fields(line);
+    std::string name, compiler, number;
+    std::getline(fields, name, ',');
+    std::getline(fields, compiler, ',');
+    Row row{};
+    for (double& value : row) {
+      std::getline(fields, number, ',');
+      value = std::stod(number);
+    }
+    rows[name] = {compiler, row};
+  }
+  return rows;
+}
+
+/// Functions that issue more than a twentieth.
+void print_functions(const Issued& issued) {
+  static const std::regex arguments("<[^<>]*>|\\([^()]*\\)( const)?|stiction::isa_cuda::");
+  for (const auto& [function, instructions] : issued.by_function) {
+    if (20 * instructions < issued.instructions) continue;
+    std::string name = demangled(function), shorter;
+    while ((shorter = std::regex_replace(name, arguments, "")) != name) name = shorter;
+    std::printf("  %8.0f %s\n", static_cast<double>(instructions) / static_cast<double>(kEnvs), name.c_str());
+  }
+}
+
+TEST(PtxLockstep, WarpsIssueNoMoreThanTheyDid) {
+  if (!is_run_with_kernels()) GTEST_SKIP() << "no kernels are named to execute";
+  const bool updates = std::getenv("STICTION_UPDATE_COUNTS") != nullptr;
+  const auto rows = updates ? std::map<std::string, std::pair<std::string, Row>>{} : table();
+  std::ostringstream written;
+  written << kHead << "\n";
+  for (const char* const robot_name : kRobots) {
+    const io::Recording recording = robot(robot_name);
+    ASSERT_EQ(recording.batch.env_count(), kEnvs);
+    for (const Count& count : counts()) {
+      const std::string name = std::string(robot_name) + ": " + count.what;
+      const Issued issued = count.of(recording);
+      const Row found = row_of(issued);
+      written << name << "," << STICTION_CUDA_COMPILER;
+      for (const double value : found) written << "," << std::llround(value);
+      written << "\n";
+      std::printf("%s: issued %.0f, efficiency %.2f\n", name.c_str(), found[0], issued.efficiency());
+      print_functions(issued);
+      if (updates) continue;
+      ASSERT_TRUE(rows.count(name) > 0) << name;
+      const auto& [compiler, allowed] = rows.at(name);
+      if (compiler != STICTION_CUDA_COMPILER) GTEST_SKIP() << "counted with nvcc " << compiler;
+      for (std::size_t k = 0; k < found.size(); ++k)
+        EXPECT_LE(found[k], (1 + kAllowed) * allowed[k] + 1) << name << ", column " << k + 2;
+    }
+  }
+  std::printf("%s", written.str().c_str());
+  if (updates) std::ofstream(STICTION_PTX_FOLDER "/lockstep.csv") << written.str();
+}
+
+/// Lanes that have the same environment never part.
+TEST(PtxLockstep, AWarpOfOneEnvironmentIssuesWhatOneLaneExecutes) {
+  if (!is_run_with_kernels()) GTEST_SKIP() << "no kernels are named to execute";
+  for (const char* const name : kRobots) {
+    const Issued issued = velocities<float>(robot(name), std::vector<Offset>(kEnvs, 5));
+    EXPECT_GT(issued.instructions, 0U);
+    EXPECT_EQ(32 * issued.instructions, issued.lanes) << name;
+    std::printf("%s: issued %.0f\n", name, row_of(issued)[0]);
+  }
+}
+
+}  // namespace
+}  // namespace stiction::test
