@@ -33,7 +33,7 @@ void expect_the_cpus_bits_of_every_solver() {
       SCOPED_TRACE(label(solver, law));
       SolverOptions options = quick(solver);
       options.law = law;
-      options.max_iterations = few_iterations(solver, kThreadSanitizer ? 3 : 24);
+      options.max_iterations = few_iterations(solver, kSanitizer ? 3 : 24);
       EXPECT_EQ(on_engine(device, batch, options), solve_hashes(batch, options));
     }
   }
