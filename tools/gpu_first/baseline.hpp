@@ -61,11 +61,20 @@ struct BaselineMemory {
   }
 };
 
+inline constexpr Index kBaselineConeRows = 6;
+/// Calls f(row) for the rows of a cone, with a number of turns that the compiler knows: what is by row stays in
+/// registers.
+template <class F>
+STICTION_HD void each_row(Index first, Index rows, F&& f) {
+  for (Index k = first; k < kBaselineConeRows; ++k)
+    if (k < rows) f(k);
+}
+
 /// A cone's reaction to its rows' motion, and minus the derivative of that, G. Where a cone slides, G is h (1, d)(1,
 /// d)'
 /// + turn (0 0; 0 1 - d d'), in the coordinates of the circular cone: tangential rows times mu.
 struct ConeResponse {
-  float reaction[6], direction[6], diagonal[6];
+  float reaction[kBaselineConeRows], direction[kBaselineConeRows], diagonal[kBaselineConeRows];
   float h = 0, turn = 0;
   bool slides = false;
 };
@@ -73,50 +82,48 @@ STICTION_HD ConeResponse respond(const BaselineBatch& batch, Offset first, Index
   ConeResponse out;
   const float* const R = batch.R + first;
   if (kind != ConeKind::friction) {
-    for (Index k = 0; k < rows; ++k) {
+    each_row(0, rows, [&](Index k) {
       const float wanted = -z[k] / R[k];
       float low = -INFINITY, high = INFINITY;
       if (kind == ConeKind::unilateral) low = 0;
       if (kind == ConeKind::box) low = batch.lo[first + k], high = batch.hi[first + k];
       out.reaction[k] = wanted < low ? low : (wanted > high ? high : wanted);
       out.diagonal[k] = wanted < low || wanted > high ? 0.0F : 1 / R[k];
-    }
+    });
     return out;
   }
   const float* const mu = batch.mu + first;
   float square = 0;
-  for (Index k = 1; k < rows; ++k) square += mu[k] * z[k] * mu[k] * z[k];
+  each_row(1, rows, [&](Index k) { square += mu[k] * z[k] * mu[k] * z[k]; });
   const float length = std::sqrt(square), pressing = -z[0] / R[0];
   const float tangential = std::fmax(R[1] * mu[1] * mu[1], 1e-30F);
   const bool sticks = length <= tangential * pressing, opens = !sticks && z[0] >= length;
-  for (Index k = 0; k < rows; ++k) {
+  each_row(0, rows, [&](Index k) {
     out.reaction[k] = sticks ? -z[k] / R[k] : 0.0F;
     out.diagonal[k] = sticks ? 1 / R[k] : 0.0F;
-  }
+  });
   if (sticks || opens) return out;
   out.slides = true;
   out.h = 1 / (R[0] + tangential);
   const float normal = (length - z[0]) * out.h;
   out.turn = normal / length;
   out.reaction[0] = normal;
-  for (Index k = 1; k < rows; ++k) {
+  each_row(1, rows, [&](Index k) {
     out.direction[k] = -mu[k] * z[k] / length;
     out.reaction[k] = mu[k] * normal * out.direction[k];
-  }
+  });
   return out;
 }
 /// result = G y.
 STICTION_HD void apply(const ConeResponse& cone, const float* mu, Index rows, const float* y, float* result) {
-  if (!cone.slides) {
-    for (Index k = 0; k < rows; ++k) result[k] = cone.diagonal[k] * y[k];
-    return;
-  }
+  if (!cone.slides) return each_row(0, rows, [&](Index k) { result[k] = cone.diagonal[k] * y[k]; });
   float along = 0;
-  for (Index k = 1; k < rows; ++k) along += cone.direction[k] * mu[k] * y[k];
+  each_row(1, rows, [&](Index k) { along += cone.direction[k] * mu[k] * y[k]; });
   const float both = cone.h * (y[0] + along);
   result[0] = both;
-  for (Index k = 1; k < rows; ++k)
+  each_row(1, rows, [&](Index k) {
     result[k] = mu[k] * (cone.turn * (mu[k] * y[k] - cone.direction[k] * along) + cone.direction[k] * both);
+  });
 }
 
 /// One environment: until H's norm of the next step is `tolerance` times M's norm of what reactions changed.
@@ -145,8 +152,9 @@ STICTION_HD void solve_baseline(Block& block, const BaselineBatch& batch, const 
   const auto with_cone = [&](Index c, float t, auto&& f) {
     const Offset first = batch.cone_row[cone + c];
     const auto count = static_cast<Index>(batch.cone_row[cone + c + 1] - first), at = static_cast<Index>(first - row);
-    float moved[6];
-    for (Index k = 0; k < count; ++k) moved[k] = t == 0 ? own.z[at + k] : std::fma(t, own.Jp[at + k], own.z[at + k]);
+    float moved[kBaselineConeRows];
+    each_row(0, count,
+             [&](Index k) { moved[k] = t == 0 ? own.z[at + k] : std::fma(t, own.Jp[at + k], own.z[at + k]); });
     return f(at, count, respond(batch, first, count, batch.kind[cone + c], moved), first);
   };
   const auto times = [&](const float* matrix, Index i, const float* vector) {
@@ -166,8 +174,9 @@ STICTION_HD void solve_baseline(Block& block, const BaselineBatch& batch, const 
       return with_cone(c, 0, [&](Index at, Index count, const ConeResponse& response, Offset first) {
         // Of a reaction x to z: the largest of -z x - R x^2 / 2.
         float sum = 0;
-        for (Index k = 0; k < count; ++k)
+        each_row(0, count, [&](Index k) {
           sum -= response.reaction[k] * (own.z[at + k] + batch.R[first + k] * response.reaction[k] / 2);
+        });
         return sum;
       });
     });
@@ -188,15 +197,15 @@ STICTION_HD void solve_baseline(Block& block, const BaselineBatch& batch, const 
       for (Index item = thread; item < cones * kBaselineSide; item += kBaselineThreads)
         with_cone(item / kBaselineSide, 0, [&](Index at, Index count, const ConeResponse& response, Offset first) {
           const Index side = item % kBaselineSide;
-          float column[6], slope[6];
-          for (Index k = 0; side == 0 && k < count; ++k) {
+          float column[kBaselineConeRows], slope[kBaselineConeRows];
+          each_row(0, side == 0 ? count : 0, [&](Index k) {
             own.x[at + k] = response.reaction[k];
             own.slope[at + k] = response.slides || response.diagonal[k] != 0 ? 1.0F : 0.0F;
-          }
+          });
           for (Index j = side; j < n; j += kBaselineSide) {
-            for (Index k = 0; k < count; ++k) column[k] = J[(at + k) * n + j];
+            each_row(0, count, [&](Index k) { column[k] = J[(at + k) * n + j]; });
             apply(response, batch.mu + first, count, column, slope);
-            for (Index k = 0; k < count; ++k) own.GJ[(at + k) * n + j] = slope[k];
+            each_row(0, count, [&](Index k) { own.GJ[(at + k) * n + j] = slope[k]; });
           }
         });
     });
@@ -252,9 +261,9 @@ STICTION_HD void solve_baseline(Block& block, const BaselineBatch& batch, const 
       const auto along = [&](bool second) {
         return total(cones, [&](Index c) {
           return with_cone(c, t, [&](Index at, Index count, const ConeResponse& response, Offset first) {
-            float result[6], sum = 0;
+            float result[kBaselineConeRows], sum = 0;
             if (second) apply(response, batch.mu + first, count, own.Jp + at, result);
-            for (Index k = 0; k < count; ++k) sum += (second ? result[k] : -response.reaction[k]) * own.Jp[at + k];
+            each_row(0, count, [&](Index k) { sum += (second ? result[k] : -response.reaction[k]) * own.Jp[at + k]; });
             return sum;
           });
         });

@@ -3,6 +3,7 @@
 #include <fcntl.h>
 #include <poll.h>
 #include <signal.h>
+#include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -55,8 +56,9 @@ Ending run_child(const std::vector<std::string>& command, double limit_s,
   const pid_t child = fork();
   if (child < 0) throw Error(ErrorCode::io, "no process can be made: end some");
   if (child == 0) {
-    // A group of its own, so that what it starts ends with it.
+    // A group of its own, so that what it starts ends with it; and it ends where this process does.
     setpgid(0, 0);
+    prctl(PR_SET_PDEATHSIG, SIGKILL);
     dup2(ends[1], STDOUT_FILENO);
     dup2(ends[1], STDERR_FILENO);
     execvp(words[0], words.data());

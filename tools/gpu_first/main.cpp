@@ -69,7 +69,7 @@ struct Arguments {
       {"--only", ""},    {"--seconds", ""},    {"--hashes", "tools/gpu_first/hashes.csv"},
       {"--batches", ""}, {"--patience", ""},   {"--write-hashes", ""},
       {"--run", ""},     {"--skip", ""},       {"--plan", ""},
-      {"--made-of", ""}};
+      {"--made-of", ""}, {"--summary", ""}};
   bool lists = false;
 
   Arguments(int argc, char** argv) {
@@ -182,6 +182,12 @@ class Parent {
   /// The phases of a plan, all of them within `seconds`.
   void run(std::span<const Phase> plan, double seconds) {
     double end = start_;
+    append(JsonLine()
+               .add("check", "all")
+               .add("part", "plan")
+               .add("result", "begins")
+               .add("made_of", arguments_.at("--made-of")),
+           false);
     for (const Phase& phase : plan) {
       end += phase.seconds * seconds / seconds_of(plan);
       append(JsonLine().add("check", "phase").add("part", phase.name).add("result", "begins"), true);
@@ -208,7 +214,10 @@ class Parent {
     } else {
       std::string head = counts + seconds;
       if (!arguments_.at("--made-of").empty()) head += ", made of sources " + arguments_.at("--made-of");
-      for (const std::string& line : summary_.lines(head)) std::printf("%s\n", line.c_str());
+      for (const std::string& line : summary_.lines(head)) {
+        std::printf("%s\n", line.c_str());
+        if (!arguments_.at("--summary").empty()) append_line(arguments_.at("--summary"), line);
+      }
     }
     std::fflush(stdout);
     return is_right ? 0 : kWrong;
@@ -269,7 +278,7 @@ int run_all(const Arguments& arguments, const Setting& setting, char* self) {
     parent.run({}, {}, wall_seconds() + seconds);
   else
     parent.run(plan_of(plan), seconds);
-  return parent.finish(!plan.empty());
+  return parent.finish(!plan.empty() || !arguments.at("--summary").empty());
 }
 
 int run(int argc, char** argv) {

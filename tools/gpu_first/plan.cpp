@@ -9,6 +9,13 @@ std::span<const Phase> plan_of(const std::string& name) {
   return kMinutes;
 }
 
+constexpr double kMostSeconds = 470;  ///< of a command of ten minutes, start and end of the machine included
+static_assert([] {
+  double sum = 0;
+  for (const Phase& phase : kMinutes) sum += phase.seconds;
+  return sum;
+}() <= kMostSeconds);
+
 double seconds_of(std::span<const Phase> plan) {
   double sum = 0;
   for (const Phase& phase : plan) sum += phase.seconds;

@@ -29,32 +29,38 @@ std::vector<float> compliances(const Environment<double>& system) {
   return R;
 }
 
-/// Piles of spheres with 64 contacts each.
-JacobianBatch<float> piles(Offset count) {
-  constexpr int kSpheres = 30;
-  constexpr std::size_t kContacts = 64;
-  constexpr Index kBlock = 6;
-  JacobianBatch<float> batch(Law::convex, MassForm::matrix, kBlock);
+/// J and M of a scene, M in blocks or dense (0).
+JacobianEnvironment<float> environment_of(const scenes::SceneEnv& made, Index block) {
+  const auto narrow = [](const std::vector<double>& numbers) {
+    return std::vector<float>(numbers.begin(), numbers.end());
+  };
+  const Index width = block == 0 ? made.dof_count : block;
+  JacobianEnvironment<float> env;
+  for (const auto& cone : made.system.cones) env.cones.push_back({cone.kind, cone.row_count});
+  env.row_offsets = made.J.ptr;
+  env.column = made.J.col;
+  env.J = narrow(made.J.val);
+  env.M.assign(static_cast<std::size_t>(made.dof_count * width), 0.0F);
+  for (Index i = 0; i < made.dof_count; ++i)
+    for (auto k = static_cast<std::size_t>(made.M.ptr[static_cast<std::size_t>(i)]);
+         k < static_cast<std::size_t>(made.M.ptr[static_cast<std::size_t>(i) + 1]); ++k)
+      env.M[static_cast<std::size_t>(i * width + made.M.col[k] % width)] = static_cast<float>(made.M.val[k]);
+  env.v_free = narrow(made.v_free);
+  env.target = narrow(made.row_target);
+  env.R = compliances(made.system);
+  env.mu = narrow(made.system.mu);
+  env.lo = narrow(made.system.lo);
+  env.hi = narrow(made.system.hi);
+  return env;
+}
+
+/// Environments of a scene, of a size, with so many cones where `cones` is not zero.
+JacobianBatch<float> scene_batch(const char* scene, int size, std::size_t cones, Index block, Offset count) {
+  JacobianBatch<float> batch(Law::convex, MassForm::matrix, block);
   for (std::uint64_t index = 0; batch.env_count() < count; ++index) {
-    const scenes::SceneEnv made = scenes::make("pile", 7, index, kSpheres);
-    if (made.system.cones.size() != kContacts) continue;
-    JacobianEnvironment<float> env;
-    for (const auto& cone : made.system.cones) env.cones.push_back({cone.kind, cone.row_count});
-    env.row_offsets = made.J.ptr;
-    env.column = made.J.col;
-    env.J.assign(made.J.val.begin(), made.J.val.end());
-    env.M.assign(static_cast<std::size_t>(made.dof_count * kBlock), 0.0F);
-    for (Index i = 0; i < made.dof_count; ++i)
-      for (auto k = static_cast<std::size_t>(made.M.ptr[static_cast<std::size_t>(i)]);
-           k < static_cast<std::size_t>(made.M.ptr[static_cast<std::size_t>(i) + 1]); ++k)
-        env.M[static_cast<std::size_t>(i * kBlock + made.M.col[k] % kBlock)] = static_cast<float>(made.M.val[k]);
-    env.v_free.assign(made.v_free.begin(), made.v_free.end());
-    env.target.assign(made.row_target.begin(), made.row_target.end());
-    env.R = compliances(made.system);
-    env.mu.assign(made.system.mu.begin(), made.system.mu.end());
-    env.lo.assign(made.system.lo.begin(), made.system.lo.end());
-    env.hi.assign(made.system.hi.begin(), made.system.hi.end());
-    batch.add(env);
+    const scenes::SceneEnv made = scenes::make(scene, 7, index, size);
+    const bool is_wanted = cones == 0 ? !made.system.cones.empty() : made.system.cones.size() == cones;
+    if (is_wanted) batch.add(environment_of(made, block));
   }
   return batch;
 }
@@ -113,10 +119,12 @@ std::vector<float> in_turn(const std::vector<float>& numbers, std::size_t length
 }  // namespace
 
 std::optional<RobotCase> robot_case(const Setting& setting, const std::string& name) {
-  constexpr Offset kPiles = 16, kFew = 3, kFewPiles = 1;
+  constexpr Offset kPiles = 16, kWalkers = 32, kFew = 3;
   std::optional<JacobianBatch<float>> found;
   if (name == "piles") {
-    found = piles(setting.full ? kPiles : kFewPiles);
+    found = scene_batch("pile", 30, 64, 6, setting.full ? kPiles : 1);  // spheres of 6 degrees of freedom, 64 contacts
+  } else if (name == "walkers") {
+    found = scene_batch("walker", 4, 0, 0, setting.full ? kWalkers : kFew);
   } else {
     found = read_recorded(setting.batches, name);
     if (found && !setting.full) found = repeated(*found, kFew);

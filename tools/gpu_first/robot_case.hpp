@@ -28,7 +28,8 @@ struct RobotCase {
   [[nodiscard]] Offset env_count() const { return jacobians.env_count(); }
 };
 
-/// The case, fewer environments if the sizes are small; nothing if it is recorded and not in the folder of batches.
+/// The case of a name, or walkers, which are made here too. It has fewer environments if the sizes are small. Nothing
+/// if it is recorded and not in the folder of batches.
 std::optional<RobotCase> robot_case(const Setting& setting, const std::string& name);
 /// The environments in turn, until there are so many, in one form alone.
 RobotCase repeated(const RobotCase& of, Offset envs, RobotForm form);
