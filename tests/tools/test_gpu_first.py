@@ -216,7 +216,7 @@ echo "the end" | tee -a "$summary"
         self.assertEqual(sorted(self.archive()), ["all/checks.txt", "all/log.txt", "all/manifest.txt", "all/ncu_velocity.csv", "all/results.jsonl"])
 
     def test_results_are_packed_when_it_is_ended(self):
-        sources = self.make("exec sleep 1000")
+        sources = self.make("exec sleep 30")
         child = self.start()
         self.assertEqual(child.stdout.readline(), "begun\n")
         child.send_signal(signal.SIGTERM)
