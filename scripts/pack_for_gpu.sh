@@ -1,72 +1,71 @@
 #!/usr/bin/env bash
-# Collects in .carry/ what scripts/gpu_check.sh uses on a machine that has a GPU, few minutes and no network:
+# Makes a folder with all that the first minutes on a GPU need (tools/gpu_first/README.md). It works in any place:
 #
-#   stiction_cuda_sm90.tar.xz   the kernels' objects (scripts/prebuild_cuda.sh; an hour of one core the first time)
-#   gpu_first.xz                the program, linked with them; it needs a C library no older than this machine's
-#   batches/                    recorded robots for it, which need no HDF5
-#   robots/, wheels/            recordings, and h5py for Python 3.12, for bench/peers/gpu.py; left out where they cannot be
-#                               had, or where all would be too large with them
+#   scripts/pack_for_gpu.sh --alone [FOLDER]     default: .carry, which git ignores
 #
-# Then tries it: the archive is taken by a build, the program runs and finds the committed hashes on the CPU, and all that
-# travels (tracked files and .carry) is under 60 MiB. Git ignores the folder.
+#   gpu_first.xz     the program with its kernels as machine code for H100 and H200; it needs a C library no older than
+#                    this machine's, and NVIDIA's driver
+#   batches/         recorded robots as J and M
+#   hashes.csv       what the CPU answers
+#   run.sh           runs it all; manifest.txt says what sources it was made of
+#
+# Kernels are compiled at the lowest priority, and what was compiled before is kept. Those of three solvers that auto
+# never takes are left out for time (STICTION_PACK_WITHOUT, names of .cu files with commas between them). Then the pack
+# is tried: it is under 35 MB, unpacks, and finds its hashes on the CPU.
 set -euo pipefail
 # shellcheck source-path=SCRIPTDIR source=common.sh
 . "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
-carry=$root/.carry
+if [ "${1:-}" != --alone ] || [ $# -gt 2 ]; then
+  echo "pack_for_gpu.sh: say --alone, then a folder" >&2
+  exit 2
+fi
+pack=${2:-$root/.carry}
 folder=${STICTION_PACK_DIR:-$root/build-carried}
 data=${STICTION_SHARED_DIR:-$root/../shared}/data/mujoco
-most_mib=60
-mkdir -p "$carry"
+without=${STICTION_PACK_WITHOUT-cuda_pgs,cuda_jacobi,cuda_nsgs}
+most_bytes=35000000
+begin=$SECONDS
+mkdir -p "$pack" "$folder"
+pack=$(cd "$pack" && pwd)
 
+sources=$(python3 "$root/tools/gpu_first/pack_manifest.py" sources)
 say "kernels"
-"$root/scripts/prebuild_cuda.sh" "$carry/stiction_cuda_sm90.tar.xz"
+STICTION_PREBUILD_WITHOUT=$without "$root/scripts/prebuild_cuda.sh" "$folder/kernels.tar.xz"
 
 say "gpu_first"
 # With no library of its own but the C library's: that machine has others, or none. The CPU's kernels are those for any
 # x86-64: there it is only compared with.
 begin_options "$folder"
 options+=(-G Ninja -DSTICTION_ENABLE_CUDA=ON
-  "-DSTICTION_PREBUILT_CUDA=$carry/stiction_cuda_sm90.tar.xz" -DSTICTION_BUILD_GPU_FIRST=ON -DSTICTION_ENABLE_AVX2=OFF -DSTICTION_ENABLE_TBB=OFF
+  "-DSTICTION_PREBUILT_CUDA=$folder/kernels.tar.xz" -DSTICTION_BUILD_GPU_FIRST=ON -DSTICTION_ENABLE_AVX2=OFF -DSTICTION_ENABLE_TBB=OFF
   -DSTICTION_AMD_LIBRARY= -DSTICTION_METIS_LIBRARY= "-DCMAKE_EXE_LINKER_FLAGS=-static-libstdc++ -static-libgcc")
 for part in TESTS TOOLS BENCH C EXAMPLES; do options+=("-DSTICTION_BUILD_$part=OFF"); done
 cmake "${options[@]}" > /dev/null
-cmake --build "$folder" --target gpu_first -j "$jobs"
+cmake --build "$folder" --target gpu_first -j "$jobs" | show_progress
 strip -o "$folder/gpu_first.stripped" "$folder/tools/gpu_first/gpu_first"
-xz -T 0 -9e -c "$folder/gpu_first.stripped" > "$carry/gpu_first.xz"  # two minutes of a core for a fifth less
+rm -rf "$pack/batches" "$pack/manifest.txt"
+xz -T 0 -6 -c "$folder/gpu_first.stripped" > "$pack/gpu_first.xz"
 
-say "recordings"
-rm -rf "$carry/batches" "$carry/robots"
-mkdir -p "$carry/batches" "$carry/robots"
-if cmake --build "$folder" --target pack_batches -j "$jobs" > /dev/null; then
-  "$folder/tools/gpu_first/pack_batches" "$carry/batches" "$data"/{humanoid,g1,go1,leap_hand,franka_cube}.h5
+say "batches"
+mkdir -p "$pack/batches"
+if cmake --build "$folder" --target help | grep -q pack_batches; then
+  cmake --build "$folder" --target pack_batches -j "$jobs" > /dev/null
+  "$folder/tools/gpu_first/pack_batches" "$pack/batches" "$data"/{g1,humanoid,leap_hand}.h5
 else
-  note "no HDF5 here: no recorded robots are timed"
+  note "no HDF5 here: no recorded robots are compared or timed"
 fi
-for name in humanoid g1; do
-  if [ -f "$data/$name.h5" ]; then install -m 644 "$data/$name.h5" "$carry/robots/"; else note "$data/$name.h5 is not here"; fi
-done
-if ! compgen -G "$carry/wheels/*.whl" > /dev/null; then
-  python3 -m pip download --quiet --no-deps --only-binary=:all: --python-version 3.12 --platform manylinux_2_28_x86_64 \
-    --platform manylinux2014_x86_64 -d "$carry/wheels" h5py > "$folder/wheels.log" 2>&1 ||
-    note "no Python packages for peers: $(tail -n 1 "$folder/wheels.log")"
-fi
+install -m 644 "$root/tools/gpu_first/hashes.csv" "$pack/hashes.csv"
+install -m 755 "$root/tools/gpu_first/run.sh" "$pack/run.sh"
+python3 "$root/tools/gpu_first/pack_manifest.py" write "$pack" --sources "$sources" --note "kernels left out: ${without:-none}" \
+  --note "commit $(git -C "$root" rev-parse --short HEAD 2> /dev/null || echo unknown)"
 
 say "check"
-xz -dc "$carry/gpu_first.xz" > "$folder/gpu_first.carried"
-chmod +x "$folder/gpu_first.carried"
-"$folder/gpu_first.carried" --device cpu --size small --hashes "$root/tools/gpu_first/hashes.csv" --batches "$carry/batches" |
-  tail -n 1
-tracked=$(git -C "$root" ls-files -z --cached --others --exclude-standard | (cd "$root" && xargs -0 stat -c %s 2> /dev/null) | awk '{sum += $1} END {print sum + 0}')
-travelling_mib() {
-  carried=$(find "$carry" -type f -printf '%s\n' | awk '{sum += $1} END {print sum + 0}')
-  echo $(((tracked + carried + (1 << 20) - 1) >> 20))
-}
-if [ "$(travelling_mib)" -gt "$most_mib" ]; then
-  note "no recordings and h5py for peers: with them $(travelling_mib) MiB would travel"
-  rm -rf "$carry/robots" "$carry/wheels"
-fi
-du -sm "$carry"/* | sed 's/^/   /'
-mib=$(travelling_mib)
-echo "$carry and the repository: $mib MiB of $most_mib"
-[ "$mib" -le "$most_mib" ] || { echo "pack_for_gpu.sh: more than $most_mib MiB" >&2; exit 1; }
+bytes=$(find "$pack" -type f -printf '%s\n' | awk '{sum += $1} END {print sum + 0}')
+note "$pack: $bytes bytes of $most_bytes, made in $((SECONDS - begin)) s"
+[ "$bytes" -le "$most_bytes" ] || { echo "pack_for_gpu.sh: more than $most_bytes bytes" >&2; exit 1; }
+found=$(mktemp -d)
+trap 'rm -rf "$found"' EXIT
+env -C "$found" STICTION_GPU_DEVICE=cpu STICTION_GPU_SIZE=small "$pack/run.sh" "$found" > "$found/said" ||
+  { cat "$found/said"; exit 1; }
+note "$(head -n 1 "$found/summary.txt")"

@@ -1,12 +1,13 @@
 #!/usr/bin/env python3
 """Packs what nvcc made of the kernels into one archive, with a manifest of what it was made of.
 
-    prebuilt_cuda.py objects BUILD                        names of the objects of all .cu files, for ninja
-    prebuilt_cuda.py pack BUILD ARCHIVE.tar.xz --nvcc VERSION --architectures 90
+    prebuilt_cuda.py objects BUILD [--without cuda_pgs,...]    names of the objects of .cu files, for ninja
+    prebuilt_cuda.py pack BUILD ARCHIVE.tar.xz --nvcc VERSION --architectures 90 [--without cuda_pgs,...]
 
 A build with -DSTICTION_PREBUILT_CUDA=ARCHIVE takes the objects and compiles no .cu (cmake/prebuilt_cuda.cmake). It
 compares every file of the manifest with its own, so objects of other sources are refused. The manifest names the
-project's files that ninja's record of dependencies names, and the files that say how to compile.
+project's files that ninja's record of dependencies names, and the files that say how to compile. Kernels of sources
+that --without names are left out: their objects then have catalogues without entries (tools/gpu_first/absent_launch.hpp).
 """
 
 import argparse
@@ -15,6 +16,7 @@ import io
 import json
 import pathlib
 import re
+import shutil
 import subprocess
 import sys
 import tarfile
@@ -23,6 +25,7 @@ ROOT = pathlib.Path(__file__).resolve().parents[1]
 # How kernels are compiled. No record of dependencies names these.
 SETTINGS = ["cmake/fp_policy.cmake", "cmake/stiction_add_solver.cmake", "cmake/solvers.cmake"]
 GENERATED = "@build@/"
+LAUNCH = "cuda/native/cuda_launch.cuh"
 PRESET = 3  # of xz: a fifth larger than its default, in less than half of the time
 
 
@@ -67,6 +70,34 @@ def flags_of(build, name):
     raise SystemExit(f"prebuilt_cuda.py: {name} is not in compile_commands.json")
 
 
+def split(names, without):
+    """(objects to compile, objects without kernels)."""
+    stems = {pathlib.Path(name).name[:-len(".cu.o")]: name for name in names}
+    unknown = without - stems.keys()
+    if unknown:
+        raise SystemExit(f"prebuilt_cuda.py: --without names {' '.join(sorted(unknown))}; there are {' '.join(sorted(stems))}")
+    return [name for stem, name in stems.items() if stem not in without], [stems[stem] for stem in sorted(without)]
+
+
+def compile_empty(build, name, folder):
+    """The object of a source whose kernels are left out, compiled as C++."""
+    entry = next(entry for entry in json.loads((build / "compile_commands.json").read_text()) if entry.get("output") == name
+                 or name in entry["command"])
+    text = pathlib.Path(entry["file"]).read_text()
+    empty = text.replace(LAUNCH, "tools/gpu_first/absent_launch.hpp")
+    if empty == text:
+        raise SystemExit(f"prebuilt_cuda.py: {name} does not include {LAUNCH}: it cannot be left out")
+    folder.mkdir(parents=True, exist_ok=True)
+    source = folder / (pathlib.Path(name).name[:-len(".cu.o")] + ".cpp")
+    source.write_text(empty)
+    options = re.findall(r"-(?:I|D)\S+", entry["command"]) + [f"-isystem{path}" for path in re.findall(r"-isystem[= ]?(\S+)",
+                                                                                                  entry["command"])]
+    result = folder / pathlib.Path(name).name
+    launcher = ["ccache"] if shutil.which("ccache") else []
+    run(*launcher, "c++", "-std=c++20", "-O1", "-fPIC", "-w", *options, "-c", source, "-o", result)
+    return result
+
+
 def manifest(build, names, nvcc, architectures):
     sources = set(SETTINGS).union(*(sources_of(build, name) for name in names))
     lines = ["stiction prebuilt CUDA objects 1", f"nvcc {nvcc}", f"architectures {architectures}",
@@ -78,23 +109,25 @@ def manifest(build, names, nvcc, architectures):
     return "\n".join(lines) + "\n"
 
 
-def pack(build, archive, nvcc, architectures):
-    names = object_names(build)
+def pack(build, archive, nvcc, architectures, without):
+    names, left_out = split(object_names(build), without)
     missing = [name for name in names if not (build / name).exists()]
     if missing:
         raise SystemExit(f"prebuilt_cuda.py: not compiled yet: {' '.join(missing)}")
+    empty = [compile_empty(build, name, build / "empty") for name in left_out]
     text = manifest(build, names, nvcc, architectures)
+    text += "".join(f"object {digest(path)} {path.name}\n" for path in empty)
     archive.parent.mkdir(parents=True, exist_ok=True)
     part = archive.with_name(archive.name + ".part")
     with tarfile.open(part, "w:xz", preset=PRESET) as tar:
         info = tarfile.TarInfo("manifest.txt")
         info.size = len(text.encode())
         tar.addfile(info, io.BytesIO(text.encode()))
-        for name in names:
-            tar.add(build / name, arcname=pathlib.Path(name).name)
+        for path in [build / name for name in names] + empty:
+            tar.add(path, arcname=path.name)
     part.rename(archive)
     raw = sum((build / name).stat().st_size for name in names)
-    print(f"{archive}: {len(names)} objects, {raw / 1e6:.1f} MB, in the archive {archive.stat().st_size / 1e6:.1f} MB")
+    print(f"{archive}: {len(names)} objects and {len(empty)} without kernels, {raw / 1e6:.1f} MB, in the archive {archive.stat().st_size / 1e6:.1f} MB")
 
 
 def main():
@@ -104,13 +137,14 @@ def main():
     parser.add_argument("archive", type=pathlib.Path, nargs="?")
     parser.add_argument("--nvcc", default="")
     parser.add_argument("--architectures", default="90")
+    parser.add_argument("--without", type=lambda text: set(filter(None, text.split(","))), default=set())
     arguments = parser.parse_args()
     if arguments.what == "objects":
-        print("\n".join(object_names(arguments.build)))
+        print("\n".join(split(object_names(arguments.build), arguments.without)[0]))
         return 0
     if arguments.archive is None or not arguments.nvcc:
         parser.error("pack needs an archive and --nvcc")
-    pack(arguments.build, arguments.archive, arguments.nvcc, arguments.architectures)
+    pack(arguments.build, arguments.archive, arguments.nvcc, arguments.architectures, arguments.without)
     return 0
 
 

@@ -18,6 +18,9 @@ using Checks = std::vector<Check>;
 
 // In the order in which they tell most.
 void add_device(Checks& checks);
+void add_robot_hashes(Checks& checks);
+void add_robot_times(Checks& checks);
+void add_baseline(Checks& checks);
 void add_plan(Checks& checks);
 void add_classes(Checks& checks);
 void add_solvers(Checks& checks);
@@ -28,7 +31,7 @@ void add_capture(Checks& checks);
 void add_repetition(Checks& checks);
 void add_times(Checks& checks);
 void add_sanitizer(Checks& checks);
-void add_tuning(Checks& checks);
+void add_profiles(Checks& checks);
 // What the program itself is tried with.
 void add_self(Checks& checks);
 

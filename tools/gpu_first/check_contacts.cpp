@@ -117,6 +117,8 @@ void solve_factors(Report& report) {
 }
 
 void solve_everything_by(Report& report, SolverKind solver) {
+  if (report.target() != nullptr && !carries(*report.target(), solver))
+    return report.left_out("", "its kernels were not compiled for this program");
   const bool full = report.setting().full;
   const ContactBatch<double> ragged = full ? test::twin_batch() : test::small_twin_batch();
   const Index most = full ? 60 : test::few_iterations(solver, 8);

@@ -26,6 +26,7 @@ void describe(Report& report) {
   });
   if (report.target() == nullptr) return;
   report.measured("device", [&](JsonLine& line) { report.target()->describe(line); });
+  Report::say("device", report.target()->api()->facts().name);
   if (!report.target()->is_native()) return;
   ask(report, {"nvidia-smi", "--format=csv",
                "--query-gpu=name,driver_version,pstate,clocks.sm,clocks.max.sm,clocks.mem,power.draw,power.limit,"

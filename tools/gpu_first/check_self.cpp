@@ -12,6 +12,7 @@ namespace {
 
 void hang(Report& report) {
   report.judge("before", "");
+  Report::say("self", "before it hangs");
   for (;;) pause();
 }
 
@@ -28,6 +29,11 @@ void judge_wrong(Report& report) {
   report.judge("", "a check that is wrong");
 }
 
+void talk(Report&) {
+  constexpr int kSubjects = 60;
+  for (int k = 0; k < 2 * kSubjects; ++k) Report::say("subject " + std::to_string(k % kSubjects), std::to_string(k));
+}
+
 void compare_unequal(Report& report) {
   report.compare("", [] { return Hashes{1, 2, 3, 4}; }, [] { return Hashes{1, 2, 9, 8}; });
 }
@@ -39,6 +45,7 @@ void add_self(Checks& checks) {
   checks.push_back({"self/dies", 5, die});
   checks.push_back({"self/throws", 5, throw_something});
   checks.push_back({"self/wrong", 5, judge_wrong});
+  checks.push_back({"self/talks", 5, talk});
   checks.push_back({"self/unequal", 5, compare_unequal});
 }
 

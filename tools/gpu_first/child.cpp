@@ -3,6 +3,7 @@
 #include <fcntl.h>
 #include <poll.h>
 #include <signal.h>
+#include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -19,17 +20,33 @@ namespace {
 constexpr std::size_t kKept = 2000;  ///< characters of what was printed
 constexpr int kPollMs = 20;
 
-/// The end of a pipe's text, as far as it is there now.
-void read_some(int pipe, std::string& text) {
-  char buffer[4096];
-  for (ssize_t count = 0; (count = read(pipe, buffer, sizeof buffer)) > 0;)
-    text.append(buffer, static_cast<std::size_t>(count));
-  if (text.size() > kKept) text.erase(0, text.size() - kKept);
-}
+/// What a pipe brings: the end of its text, and each whole line.
+class Heard {
+ public:
+  explicit Heard(const std::function<void(const std::string&)>& hear) : hear_(hear) {}
+
+  /// As far as it is there now.
+  void read_some(int pipe) {
+    char buffer[4096];
+    for (ssize_t count = 0; (count = read(pipe, buffer, sizeof buffer)) > 0;) {
+      text_.append(buffer, static_cast<std::size_t>(count));
+      line_.append(buffer, static_cast<std::size_t>(count));
+    }
+    if (text_.size() > kKept) text_.erase(0, text_.size() - kKept);
+    for (std::size_t end = 0; (end = line_.find('\n')) != std::string::npos; line_.erase(0, end + 1))
+      if (hear_) hear_(line_.substr(0, end));
+  }
+  [[nodiscard]] const std::string& text() const { return text_; }
+
+ private:
+  const std::function<void(const std::string&)>& hear_;
+  std::string text_, line_;
+};
 
 }  // namespace
 
-Ending run_child(const std::vector<std::string>& command, double limit_s) {
+Ending run_child(const std::vector<std::string>& command, double limit_s,
+                 const std::function<void(const std::string&)>& hear) {
   std::vector<char*> words;
   for (const std::string& word : command) words.push_back(const_cast<char*>(word.c_str()));
   words.push_back(nullptr);
@@ -39,8 +56,9 @@ Ending run_child(const std::vector<std::string>& command, double limit_s) {
   const pid_t child = fork();
   if (child < 0) throw Error(ErrorCode::io, "no process can be made: end some");
   if (child == 0) {
-    // A group of its own, so that what it starts ends with it.
+    // A group of its own, so that what it starts ends with it; and it ends where this process does.
     setpgid(0, 0);
+    prctl(PR_SET_PDEATHSIG, SIGKILL);
     dup2(ends[1], STDOUT_FILENO);
     dup2(ends[1], STDERR_FILENO);
     execvp(words[0], words.data());
@@ -50,11 +68,12 @@ Ending run_child(const std::vector<std::string>& command, double limit_s) {
   close(ends[1]);
   fcntl(ends[0], F_SETFL, O_NONBLOCK);
   Ending ending;
+  Heard heard(hear);
   int status = 0;
   for (;;) {
     pollfd ready{ends[0], POLLIN, 0};
     if (poll(&ready, 1, kPollMs) > 0) {
-      read_some(ends[0], ending.printed);
+      heard.read_some(ends[0]);
       // The pipe stays ready once the process has ended.
       if ((ready.revents & POLLHUP) != 0) usleep(1000 * kPollMs / 4);
     }
@@ -68,7 +87,8 @@ Ending run_child(const std::vector<std::string>& command, double limit_s) {
     break;
   }
   kill(-child, SIGKILL);
-  read_some(ends[0], ending.printed);
+  heard.read_some(ends[0]);
+  ending.printed = heard.text();
   close(ends[0]);
   ending.seconds = wall_seconds() - start;
   if (ending.kind == Ending::Kind::out_of_time) return ending;

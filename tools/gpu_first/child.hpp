@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -13,7 +14,9 @@ struct Ending {
   std::string printed;  ///< the last of what it printed on either stream
 };
 
-/// Runs a program, and kills it once `limit_s` are over. \throws Error(io) if it cannot be started.
-Ending run_child(const std::vector<std::string>& command, double limit_s);
+/// Runs a program, and kills it once `limit_s` are over. Calls `hear` with each line that it prints, at once.
+/// \throws Error(io) if it cannot be started.
+Ending run_child(const std::vector<std::string>& command, double limit_s,
+                 const std::function<void(const std::string&)>& hear = {});
 
 }  // namespace stiction::gpu_first

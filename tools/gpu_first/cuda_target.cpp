@@ -18,6 +18,7 @@ void measure_basics(const std::function<void(const std::string&, double, const s
 #include "cuda/native/cuda_api.hpp"
 #include "cuda/native/cuda_check.hpp"
 #include "cuda/native/cuda_device.hpp"
+#include "cuda/native/cuda_kernel.hpp"
 #include "stiction/error.hpp"
 
 namespace stiction::gpu_first {
@@ -56,6 +57,9 @@ class CudaTarget final : public Target {
   [[nodiscard]] Device device() const override { return Device::cuda(ordinal_); }
   [[nodiscard]] std::shared_ptr<cuda::DeviceApi> api() const override { return api_; }
   [[nodiscard]] bool is_native() const override { return true; }
+  [[nodiscard]] bool carries(const cuda::KernelRef& kernel) const override {
+    return kernel.entry != nullptr && static_cast<const cuda::CudaKernel*>(kernel.entry)->function != nullptr;
+  }
   void describe(JsonLine& line) const override {
     cudaDeviceProp facts{};
     STICTION_CUDA_TRY(cudaGetDeviceProperties(&facts, ordinal_));

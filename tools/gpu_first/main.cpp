@@ -3,11 +3,16 @@
 //
 //   gpu_first --out results.jsonl [--device cuda|emulated|ptx|cpu] [--size full|small] [--seconds S]
 //             [--only PREFIX,...] [--skip PREFIX,...] [--hashes FILE] [--batches FOLDER] [--patience 1]
-//             [--write-hashes FILE] [--list]
+//             [--write-hashes FILE] [--plan minutes]
+//
+// --list names the checks. --plan minutes runs the phases of plan.hpp. Each has its share of --seconds (470 by
+// default). A summary follows, which repeats what the program was said to be made of.
 //
 // Answers are compared with the CPU's, and with the hashes that are committed beside this file. --device ptx runs what
 // nvcc made of the kernels on the CPU (STICTION_EMULATED_KERNELS names the library): a rehearsal. --device cpu compares
 // the CPU with the committed hashes alone. Exit status 0: all is right; 1: something is not; 2: usage.
+
+#include <fcntl.h>
 
 #include <cstdlib>
 #include <cstring>
@@ -18,6 +23,8 @@
 #include "stiction/error.hpp"
 #include "tools/gpu_first/check.hpp"
 #include "tools/gpu_first/child.hpp"
+#include "tools/gpu_first/plan.hpp"
+#include "tools/gpu_first/summary.hpp"
 
 namespace stiction::gpu_first {
 namespace {
@@ -27,6 +34,9 @@ constexpr int kWrong = 1, kUsage = 2;
 Checks all_checks() {
   Checks checks;
   add_device(checks);
+  add_robot_hashes(checks);
+  add_robot_times(checks);
+  add_baseline(checks);
   add_plan(checks);
   add_classes(checks);
   add_solvers(checks);
@@ -37,7 +47,7 @@ Checks all_checks() {
   add_repetition(checks);
   add_times(checks);
   add_sanitizer(checks);
-  add_tuning(checks);
+  add_profiles(checks);
   add_self(checks);
   return checks;
 }
@@ -56,9 +66,10 @@ std::vector<std::string> parts_of(const std::string& text) {
 struct Arguments {
   std::map<std::string, std::string> values{
       {"--out", ""},     {"--device", "cuda"}, {"--size", ""},
-      {"--only", ""},    {"--seconds", "1e9"}, {"--hashes", "tools/gpu_first/hashes.csv"},
+      {"--only", ""},    {"--seconds", ""},    {"--hashes", "tools/gpu_first/hashes.csv"},
       {"--batches", ""}, {"--patience", ""},   {"--write-hashes", ""},
-      {"--run", ""},     {"--skip", ""}};
+      {"--run", ""},     {"--skip", ""},       {"--plan", ""},
+      {"--made-of", ""}, {"--summary", ""}};
   bool lists = false;
 
   Arguments(int argc, char** argv) {
@@ -120,9 +131,9 @@ int run_one(const Arguments& arguments, const Setting& setting) {
   throw Error(ErrorCode::invalid_argument, "there is no check '" + arguments.at("--run") + "'");
 }
 
-/// Whether the check goes wrong by design.
-bool is_for_itself(const Check& check) {
-  return check.name.rfind("self/", 0) == 0;
+/// Whether the check is for others: it goes wrong by design, or is what a profiler looks at.
+bool is_for_others(const Check& check) {
+  return check.name.rfind("self/", 0) == 0 || check.name.rfind("profile/", 0) == 0;
 }
 
 bool begins_with_any(const std::string& name, const std::vector<std::string>& prefixes) {
@@ -141,49 +152,133 @@ std::string line_of(const Check& check, const Ending& ending) {
   return line.add("seconds", ending.seconds).add("printed", ending.printed).text();
 }
 
-int run_all(const Arguments& arguments, const Setting& setting, char* self) {
-  const std::vector<std::string> only = parts_of(arguments.at("--only")), skip = parts_of(arguments.at("--skip"));
-  const double start = wall_seconds(), seconds = arguments.number("--seconds");
-  int wrong = 0, right = 0, left_out = 0;
-  for (const Check& check : all_checks()) {
-    const bool is_named = begins_with_any(check.name, only);
-    if (begins_with_any(check.name, skip) || !(is_named || (only.empty() && !is_for_itself(check)))) continue;
-    const double left = seconds - (wall_seconds() - start), limit = check.limit_s * setting.patience;
-    if (left < 2) {
-      ++left_out;
-      if (!setting.out.empty())
-        append_line(setting.out, JsonLine().add("check", check.name).add("result", "left out: no time").text());
-      continue;
+/// Keeps the GPU awake: without a process that has it open, each check would wait for the driver to begin anew.
+void hold_devices() {
+  for (int ordinal = 0; ordinal < 8; ++ordinal) {
+    const std::string path = "/dev/nvidia" + std::to_string(ordinal);
+    [[maybe_unused]] const int kept = open(path.c_str(), O_RDWR | O_CLOEXEC);  // a machine may have none of it
+  }
+}
+
+/// Runs checks one after the other, each in a process of its own.
+class Parent {
+ public:
+  Parent(const Arguments& arguments, const Setting& setting, char* self)
+      : arguments_(arguments), setting_(setting), self_(self) {}
+
+  /// Those whose names begin with one of `only`, in the order of these, but with none of `skip`, until `end`.
+  void run(const std::vector<std::string>& only, const std::vector<std::string>& skip, double end) {
+    const std::vector<std::string> named = parts_of(arguments_.at("--only")),
+                                   unwanted = parts_of(arguments_.at("--skip"));
+    const std::vector<std::string> everything{""};
+    for (const std::string& beginning : !only.empty() ? only : !named.empty() ? named : everything)
+      for (const Check& check : checks_) {
+        if (check.name.rfind(beginning, 0) != 0 || begins_with_any(check.name, skip)) continue;
+        if (begins_with_any(check.name, unwanted) || (!named.empty() && !begins_with_any(check.name, named))) continue;
+        if (named.empty() && is_for_others(check)) continue;
+        run(check, end);
+      }
+  }
+  /// The phases of a plan, all of them within `seconds`.
+  void run(std::span<const Phase> plan, double seconds) {
+    double end = start_;
+    append(JsonLine()
+               .add("check", "all")
+               .add("part", "plan")
+               .add("result", "begins")
+               .add("made_of", arguments_.at("--made-of")),
+           false);
+    for (const Phase& phase : plan) {
+      end += phase.seconds * seconds / seconds_of(plan);
+      append(JsonLine().add("check", "phase").add("part", phase.name).add("result", "begins"), true);
+      run(parts_of(phase.only), parts_of(phase.skip), end);
     }
-    std::vector<std::string> command{self, "--run", check.name};
-    for (const auto& [name, value] : arguments.values)
-      if (name != "--run" && name != "--only" && name != "--seconds" && name != "--skip" && !value.empty())
-        command.insert(command.end(), {name, value});
-    const Ending ending = run_child(command, std::min(limit, left));
+  }
+  /// Says how it went; the exit status.
+  int finish(bool has_summary) {
+    const bool is_right = wrong_ == 0 && left_out_ == 0;
+    const std::string counts = std::to_string(right_) + " checks right, " + std::to_string(wrong_) + " wrong, " +
+                               std::to_string(left_out_) + " left out for time, ";
+    char seconds[32];
+    std::snprintf(seconds, sizeof seconds, "%.1f s", wall_seconds() - start_);
+    append(JsonLine()
+               .add("check", "all")
+               .add("result", is_right ? "right" : "wrong")
+               .add("right", right_)
+               .add("wrong", wrong_)
+               .add("left_out", left_out_)
+               .add("made_of", arguments_.at("--made-of")),
+           true);
+    if (!has_summary) {
+      std::printf("%s%s\n", counts.c_str(), seconds);
+    } else {
+      std::string head = counts + seconds;
+      if (!arguments_.at("--made-of").empty()) head += ", made of sources " + arguments_.at("--made-of");
+      for (const std::string& line : summary_.lines(head)) {
+        std::printf("%s\n", line.c_str());
+        if (!arguments_.at("--summary").empty()) append_line(arguments_.at("--summary"), line);
+      }
+    }
+    std::fflush(stdout);
+    return is_right ? 0 : kWrong;
+  }
+
+ private:
+  void append(JsonLine line, bool has_time) const {
+    if (has_time) line.add("seconds", wall_seconds() - start_);
+    if (!setting_.out.empty()) append_line(setting_.out, line.text());
+  }
+
+  void run(const Check& check, double end) {
+    const double left = end - wall_seconds(), limit = check.limit_s * setting_.patience;
+    if (left < 2) {
+      ++left_out_;
+      append(JsonLine().add("check", check.name).add("result", "left out: no time"), false);
+      return;
+    }
+    std::vector<std::string> command{self_, "--run", check.name};
+    for (const char* const name :
+         {"--out", "--device", "--size", "--hashes", "--batches", "--patience", "--write-hashes"})
+      if (!arguments_.at(name).empty()) command.insert(command.end(), {name, arguments_.at(name)});
+    const Ending ending = run_child(command, std::min(limit, left), [&](const std::string& line) {
+      if (line.rfind(kSaid, 0) != 0) return;
+      summary_.hear(line);
+      std::printf("%s\n", line.c_str());
+      std::fflush(stdout);
+    });
     const bool is_right = ending.kind == Ending::Kind::exited && ending.number == 0;
     const bool has_said = ending.kind == Ending::Kind::exited && ending.number <= kWrong;
-    if (!has_said && !setting.out.empty()) append_line(setting.out, line_of(check, ending));
-    is_right ? ++right : ++wrong;
-    std::printf("%-8s %6.1f s  %s\n",
-                is_right   ? "right"
-                : has_said ? "WRONG"
-                           : "FAILED",
-                ending.seconds, check.name.c_str());
-    if (!is_right) std::printf("  %s\n", ending.printed.c_str());
+    if (!has_said && !setting_.out.empty()) append_line(setting_.out, line_of(check, ending));
+    is_right ? ++right_ : ++wrong_;
+    const char* const word = is_right ? "right" : has_said ? "WRONG" : "FAILED";
+    std::printf("%-8s %6.1f s  %s\n", word, ending.seconds, check.name.c_str());
+    if (!is_right) {
+      summary_.add_wrong(std::string(word) + " " + check.name);
+      std::printf("  %s\n", ending.printed.c_str());
+    }
     std::fflush(stdout);
   }
-  std::printf("%d checks right, %d wrong, %d left out for time, %.1f s\n", right, wrong, left_out,
-              wall_seconds() - start);
-  if (!setting.out.empty())
-    append_line(setting.out, JsonLine()
-                                 .add("check", "all")
-                                 .add("result", wrong == 0 && left_out == 0 ? "right" : "wrong")
-                                 .add("right", right)
-                                 .add("wrong", wrong)
-                                 .add("left_out", left_out)
-                                 .add("seconds", wall_seconds() - start)
-                                 .text());
-  return wrong == 0 && left_out == 0 ? 0 : kWrong;
+
+  const Arguments& arguments_;
+  const Setting& setting_;
+  const char* self_;
+  const Checks checks_ = all_checks();
+  const double start_ = wall_seconds();
+  Summary summary_;
+  int right_ = 0, wrong_ = 0, left_out_ = 0;
+};
+
+int run_all(const Arguments& arguments, const Setting& setting, char* self) {
+  if (setting.device == "cuda") hold_devices();
+  const std::string& plan = arguments.at("--plan");
+  const bool has_end = !arguments.at("--seconds").empty();
+  const double seconds = has_end ? arguments.number("--seconds") : plan.empty() ? 1e9 : seconds_of(plan_of(plan));
+  Parent parent(arguments, setting, self);
+  if (plan.empty())
+    parent.run({}, {}, wall_seconds() + seconds);
+  else
+    parent.run(plan_of(plan), seconds);
+  return parent.finish(!plan.empty() || !arguments.at("--summary").empty());
 }
 
 int run(int argc, char** argv) {

@@ -1,9 +1,10 @@
-// pack_batches FOLDER BATCH.h5 ...: writes the first environments of each file, in single precision, to
+// pack_batches FOLDER BATCH.h5 ...: writes J and M of the first environments of each file, in single precision, to
 // FOLDER/BATCH.batch, which gpu_first reads without HDF5. Files that are not there are left out, and said to be.
 
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
+#include <numeric>
 #include <vector>
 
 #include "stiction/error.hpp"
@@ -26,11 +27,11 @@ int run(int argc, char** argv) {
       std::printf("%s is not here, and left out\n", argv[i]);
       continue;
     }
-    const auto batch = stiction::convert<float>(stiction::io::read_batch(path.string()).batch);
-    std::vector<stiction::Offset> order(static_cast<std::size_t>(std::min(kMostEnvs, batch.env_count())));
-    for (std::size_t env = 0; env < order.size(); ++env) order[env] = static_cast<stiction::Offset>(env);
+    const stiction::io::Recording recording = stiction::io::read_batch(path);
+    std::vector<stiction::Offset> order(static_cast<std::size_t>(std::min(kMostEnvs, recording.batch.env_count())));
+    std::iota(order.begin(), order.end(), stiction::Offset{0});
     stiction::gpu_first::write_recorded(std::string(argv[1]) + "/" + path.stem().string() + ".batch",
-                                        gather(batch, std::span<const stiction::Offset>(order)));
+                                        stiction::io::jacobian_batch<float>(recording, order));
   }
   return 0;
 }

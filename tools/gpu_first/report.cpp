@@ -118,6 +118,11 @@ void Report::measured(const std::string& part, const std::function<void(JsonLine
   write(line);
 }
 
+void Report::say(const std::string& subject, const std::string& text) {
+  std::printf("%s%s | %s\n", kSaid, subject.c_str(), text.c_str());
+  std::fflush(stdout);
+}
+
 void Report::left_out(const std::string& part, const std::string& why) {
   write(begin(part, "left out").add("why", why));
 }

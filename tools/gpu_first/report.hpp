@@ -15,6 +15,9 @@ namespace stiction::gpu_first {
 /// A hash of each environment's answer, or of whatever else is compared one by one.
 using Hashes = std::vector<std::uint64_t>;
 
+/// What a line begins with that is shown at once.
+inline constexpr char kSaid[] = "> ";
+
 /// What the program was asked for.
 struct Setting {
   std::string device = "cuda";  ///< cuda, emulated, ptx (the generated code, by the CPU) or cpu (no comparison)
@@ -46,6 +49,8 @@ class Report {
   void judge(const std::string& part, const std::string& what);
   /// Numbers that are neither.
   void measured(const std::string& part, const std::function<void(JsonLine&)>& numbers);
+  /// A result in brief, shown at once and kept for the summary: "> subject | text".
+  static void say(const std::string& subject, const std::string& text);
   void left_out(const std::string& part, const std::string& why);
 
  private:

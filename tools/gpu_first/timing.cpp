@@ -1,18 +1,41 @@
 #include "tools/gpu_first/timing.hpp"
 
 #include <algorithm>
-
-#include "tests/support/systems/scene_batches.hpp"
+#include <cstdio>
 
 namespace stiction::gpu_first {
 
-Timed::Timed(Target& target, const ContactBatch<float>& batch, const SolverOptions& options,
-             const cuda::ClassRules& rules)
+Time time_graph(Target& target, cuda::StreamHandle stream, int repeats, const std::function<void()>& queue) {
+  const auto api = target.api();
+  queue();
+  api->synchronize(stream);
+  const auto launch = target.capture(stream, queue);
+  launch();
+  const cuda::Event from(*api, cuda::EventUse::timing), to(*api, cuda::EventUse::timing);
+  std::vector<double> times;
+  for (int repeat = 0; repeat < repeats; ++repeat) {
+    api->record(from.get(), stream);
+    launch();
+    api->record(to.get(), stream);
+    api->synchronize(stream);
+    times.push_back(api->microseconds(from.get(), to.get()).value_or(0.0));
+  }
+  std::sort(times.begin(), times.end());
+  return {times[times.size() / 2], times.front()};
+}
+
+std::string brief(double nanoseconds) {
+  char text[24];
+  std::snprintf(text, sizeof text, nanoseconds < 100 ? "%.1f" : "%.0f", nanoseconds);
+  return text;
+}
+
+Timed::Timed(Target& target, const ContactBatch<float>& batch, const SolverOptions& options)
     : target_(target),
       api_(target.api()),
       batch_(batch),
       options_(options),
-      engine_(*api_, rules),
+      engine_(*api_),
       stream_(*api_),
       there_(*api_, Capacity::of(batch.view())) {
   engine_.reserve(Capacity::of(batch.view()), options.solver, Precision::f32);
@@ -25,26 +48,9 @@ void Timed::queue(bool is_planned) {
                 is_planned);
 }
 
-Timed::Time Timed::solve(int repeats, bool with_plan) {
+Time Timed::solve(int repeats, bool with_plan) {
   queue(false);
-  api_->synchronize(stream_.get());
-  const auto launch = target_.capture(stream_.get(), [&] { queue(!with_plan); });
-  launch();
-  const cuda::Event from(*api_, cuda::EventUse::timing), to(*api_, cuda::EventUse::timing);
-  std::vector<double> times;
-  for (int repeat = 0; repeat < repeats; ++repeat) {
-    api_->record(from.get(), stream_.get());
-    launch();
-    api_->record(to.get(), stream_.get());
-    api_->synchronize(stream_.get());
-    times.push_back(api_->microseconds(from.get(), to.get()).value_or(0.0));
-  }
-  std::sort(times.begin(), times.end());
-  return {times[times.size() / 2], times.front()};
-}
-
-Hashes Timed::hashes() {
-  return test::env_hashes(batch_, there_.fetch(batch_, stream_.get()));
+  return time_graph(target_, stream_.get(), repeats, [&] { queue(!with_plan); });
 }
 
 }  // namespace stiction::gpu_first

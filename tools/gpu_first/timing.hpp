@@ -8,18 +8,23 @@
 
 namespace stiction::gpu_first {
 
+/// Microseconds of one launch: the median of some, and the least.
+struct Time {
+  double median = 0, least = 0;
+};
+/// Time of what `queue` queues on the stream, as a graph that is launched `repeats` times. It is queued once before.
+Time time_graph(Target& target, cuda::StreamHandle stream, int repeats, const std::function<void()>& queue);
+
+/// Nanoseconds as a person reads them.
+std::string brief(double nanoseconds);
+
 /// A batch in a device's memory and an engine that solves it, to be timed as a graph.
 class Timed {
  public:
-  Timed(Target& target, const ContactBatch<float>& batch, const SolverOptions& options,
-        const cuda::ClassRules& rules = {});
+  Timed(Target& target, const ContactBatch<float>& batch, const SolverOptions& options);
 
-  /// Microseconds of one launch: the median of `repeats`, and the least. `with_plan`: planning included.
-  struct Time {
-    double median = 0, least = 0;
-  };
+  /// `with_plan`: planning included.
   Time solve(int repeats, bool with_plan);
-  [[nodiscard]] Hashes hashes();
 
  private:
   void queue(bool is_planned);

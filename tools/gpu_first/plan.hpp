@@ -1,0 +1,33 @@
+#pragma once
+
+#include <span>
+#include <string>
+
+namespace stiction::gpu_first {
+
+/// Checks that have a share of the time. A phase ends when all phases up to it should have ended, so that it also has
+/// what those before it did not need. What then has not begun is left out.
+struct Phase {
+  const char* name;
+  double seconds;
+  const char* only;  ///< beginnings of names, in the order in which they run
+  const char* skip;  ///< beginnings of names that do not
+};
+
+/// The first eight minutes on a GPU, what tells most first.
+inline constexpr Phase kMinutes[] = {
+    {"device", 8, "device", ""},
+    {"hashes", 34, "hash/", ""},
+    {"times", 84, "robot/", ""},
+    {"baseline", 24, "baseline/", ""},
+    {"checks", 190, "solver/,class/,form/,plan,golden/", ""},
+    {"profiles", 60, "ncu/", ""},
+    {"graphs", 55, "capture/,repeat/,sanitizer/", "capture/two_grids"},
+    {"two grids", 15, "capture/two_grids", ""},
+};
+
+/// The plan of that name. \throws Error(invalid_argument) if there is none.
+std::span<const Phase> plan_of(const std::string& name);
+double seconds_of(std::span<const Phase> plan);
+
+}  // namespace stiction::gpu_first
