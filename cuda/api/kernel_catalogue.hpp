@@ -65,8 +65,9 @@ struct JacobianKernels {
 
 /// Newton's method in velocities, with steps in one precision.
 struct VelocityStepKernels {
-  KernelRef teams{};  ///< a team for each environment                  (kernels/velocity_teams_program.hpp)
-  KernelRef lanes{};  ///< after them, a lane for each that they leave  (kernels/velocity_program.hpp)
+  KernelRef teams{};     ///< a team for each environment                    (kernels/velocity_teams_program.hpp)
+  KernelRef lanes{};     ///< a lane for each that these have not tried      (kernels/velocity_program.hpp)
+  KernelRef in_parts{};  ///< in its place where some have more degrees of freedom than a lane takes
 };
 
 /// Newton's method in velocities, in one precision, before the Jacobian form's `place`.

@@ -13,11 +13,13 @@ template <class Make, class Real>
 VelocityKernels velocity_kernels() {
   VelocityKernels kernels;
   kernels.steps = {Make::template kernel<SolveVelocityTeams<Real, Real>>("velocity_newton"),
-                   Make::template kernel<SolveVelocities<Real, Real>>("velocity_newton_by_lanes")};
+                   Make::template kernel<SolveVelocities<Real, Real, false>>("velocity_newton_by_lanes"),
+                   Make::template kernel<SolveVelocities<Real, Real, true>>("velocity_newton_in_parts")};
   if constexpr (sizeof(Real) < sizeof(double))
     kernels.steps_in_double = {
         Make::template kernel<SolveVelocityTeams<Real, double>>("velocity_newton_in_double"),
-        Make::template kernel<SolveVelocities<Real, double>>("velocity_newton_by_lanes_in_double")};
+        Make::template kernel<SolveVelocities<Real, double, false>>("velocity_newton_by_lanes_in_double"),
+        Make::template kernel<SolveVelocities<Real, double, true>>("velocity_newton_in_parts_in_double")};
   kernels.in_blocks = Make::template kernel<SolveVelocityBlocks<Real>>("velocity_newton_in_blocks");
   return kernels;
 }

@@ -20,11 +20,12 @@ struct VelocityArgs : LaneRoom {
 
 namespace stiction::inline STICTION_ISA {
 
-/// One lane per environment that teams have left, before anything is assembled. These are beyond a team's memory, or
-/// have more than kMostVelocityDofs: then the lane takes one of their parts after the other. `Number`: in
+/// One lane per environment that teams have not tried, before anything is assembled. `kInParts`: also environments of
+/// more than kMostVelocityDofs, one of their parts after the other. They take code and memory that a batch without them
+/// shall not pay for. `Number`: in
 /// which steps are taken. With the batch's own, environments that ask for double are taken if a kernel before has left
 /// them.
-template <class Real, class Number>
+template <class Real, class Number, bool kInParts>
 struct SolveVelocities {
   using Args = cuda::VelocityArgs<Real>;
   using Types = LaneTypes<Number, cuda::kWarp, DofSet, Real>;
@@ -40,7 +41,7 @@ struct SolveVelocities {
     part.result = &result;
     if (part.dofs <= kMostVelocityDofs)
       solve_pack<Types>(place.args.job, &part, 1, LaneMemory<Types>{place.args, place.team, place.lane});
-    else
+    else if constexpr (kInParts)
       solve_pack<Large>(place.args.job, &part, 1, LaneMemory<Large>{place.args, place.team, place.lane});
     return result;
   }
@@ -50,7 +51,7 @@ struct SolveVelocities {
     const LaneEnv<Real> whole = lane_env(args.job.batch, env);
     if (whole.dofs <= kMostVelocityDofs) {
       if (takes_size(args.job.batch, whole, args.job.law)) finish(args.job, env, solve(whole, place));
-    } else {
+    } else if constexpr (kInParts) {
       solve_in_parts(env, place);
     }
   }

@@ -8,7 +8,6 @@
 #include "core/machine/count_captured_call.hpp"
 #include "cuda/kernels/jacobian_program.hpp"
 #include "cuda/machine/memory_limits.hpp"
-#include "cuda/machine/velocity_teams.hpp"
 #include "stiction/error.hpp"
 
 namespace stiction {
@@ -52,8 +51,9 @@ constexpr LaunchShape kPlacing{1, kMostLanes};
 
 template <class Real>
 DeviceJacobianMachine<Real>::DeviceJacobianMachine(std::shared_ptr<DeviceApi> api, const JacobianCapacity& capacity,
-                                                   FactorUse use, bool by_newton, bool lays_out_only)
-    : api_(std::move(api)), done_(*api_) {
+                                                   FactorUse use, bool by_newton, bool lays_out_only,
+                                                   const VelocityRules& rules)
+    : api_(std::move(api)), rules_(rules), done_(*api_) {
   arrays_.env_rows = capacity.env_rows;
   arrays_.env_dofs = capacity.env_dofs;
   arrays_.matrix_room = capacity.matrix;
@@ -113,26 +113,31 @@ DeviceJacobianMachine<Real>::DeviceJacobianMachine(std::shared_ptr<DeviceApi> ap
 }
 
 template <class Real>
+bool DeviceJacobianMachine<Real>::are_many(Offset envs) const {
+  return envs >= rules_.many_per_processor * api_->facts().processors;
+}
+
+template <class Real>
 void DeviceJacobianMachine<Real>::prepare_newton() {
   const VelocityKernels& kernels = velocity_kernels_of<Real>(*api_);
   for (const VelocityStepKernels* steps : {&kernels.steps, &kernels.steps_in_double}) {
     if (steps->teams.entry == nullptr) continue;
     for (const LaunchShape& shape : team_shapes_) api_->prepare(steps->teams, shape);
-    if (lane_shape_.teams > 0) api_->prepare(steps->lanes, lane_shape_);
+    if (lane_shape_.teams > 0) api_->prepare(has_large_ ? steps->in_parts : steps->lanes, lane_shape_);
   }
   if (block_shape_.teams > 0) api_->prepare(kernels.in_blocks, block_shape_);
 }
 
-/// Teams have memory of their own, up to what the device has. A lane's numbers are laid out for the largest environment
-/// that teams may leave.
+/// Teams have memory of their own, up to what the device has. A lane's numbers are laid out for the largest
+/// environment.
 template <class Real>
 void DeviceJacobianMachine<Real>::reserve_newton(const JacobianCapacity& capacity) {
-  const bool has_large = capacity.env_dofs > kMostVelocityDofs;
+  has_large_ = capacity.env_dofs > kMostVelocityDofs;
   set_.add(arrays_.env_row_counts, capacity.envs);
   set_.add(arrays_.env_cone_counts, capacity.envs);
   set_.add(arrays_.answered, capacity.envs);
   set_.add(arrays_.status, capacity.envs);
-  if (has_large) reserve_blocks(capacity);
+  if (has_large_) reserve_blocks(capacity);
   // Where steps are in double numbers take more room.
   using TeamTypes = LaneTypes<double, 1, DofSet, Real, EveryTeam>;
   bool covers_all = false;
@@ -143,10 +148,10 @@ void DeviceJacobianMachine<Real>::reserve_newton(const JacobianCapacity& capacit
     team_shapes_.push_back({capacity.envs, limits.lanes, room});
     covers_all = room == most;
   }
-  if (covers_all && !has_large) return;
-  using InDouble = typename SolveVelocities<Real, double>::Types;
+  if (covers_all && !has_large_ && !are_many(capacity.envs)) return;
+  using InDouble = typename SolveVelocities<Real, double, true>::Types;
   static_cast<LaneRoom&>(newton_) = lay_out_lanes<VelocityWorkspace<InDouble>>(capacity.env_rows, capacity.env_dofs);
-  newton_.islands_per_lane = has_large ? DofIslands<Real>::integers(capacity.env_dofs, capacity.env_rows) : 0;
+  newton_.islands_per_lane = has_large_ ? DofIslands<Real>::integers(capacity.env_dofs, capacity.env_rows) : 0;
   const Offset lane_bytes = static_cast<Offset>(sizeof(Offset)) * newton_.lists_per_lane +
                             static_cast<Offset>(sizeof(Index)) * newton_.islands_per_lane;
   const Offset team_bytes = static_cast<Offset>(sizeof(double)) * newton_.numbers_per_team + kWarp * lane_bytes;
@@ -198,6 +203,7 @@ template <class Real>
 void DeviceJacobianMachine<Real>::launch_steps(const VelocityStepKernels& kernels, const VelocityJob<Real>& job,
                                                StreamHandle stream) {
   for (LaunchShape shape : team_shapes_) {
+    if (are_many(job.batch.env_count)) break;
     const VelocityTeamArgs<Real> args{job, arrays_, static_cast<Offset>(shape.shared_bytes)};
     shape.teams = smaller_of(shape.teams, job.batch.env_count);
     api_->launch(kernels.teams, shape, &args, stream);
@@ -208,7 +214,7 @@ void DeviceJacobianMachine<Real>::launch_steps(const VelocityStepKernels& kernel
   args.arrays = arrays_;
   LaunchShape shape = lane_shape_;
   shape.teams = smaller_of(shape.teams, (job.batch.env_count + kWarp - 1) / kWarp);
-  api_->launch(kernels.lanes, shape, &args, stream);
+  api_->launch(has_large_ ? kernels.in_parts : kernels.lanes, shape, &args, stream);
 }
 
 template <class Real>

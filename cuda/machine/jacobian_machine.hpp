@@ -9,6 +9,7 @@
 #include "cuda/kernels/velocity_blocks_program.hpp"
 #include "cuda/kernels/velocity_program.hpp"
 #include "cuda/kernels/velocity_teams_program.hpp"
+#include "cuda/machine/velocity_teams.hpp"
 
 namespace stiction::cuda {
 
@@ -20,7 +21,7 @@ class DeviceJacobianMachine final : public JacobianMachine<Real> {
   /// `by_newton`: solve_velocities() will be called. `lays_out_only`: nothing but
   /// lay_out() is called, so that no team needs scratch.
   DeviceJacobianMachine(std::shared_ptr<DeviceApi> api, const JacobianCapacity& capacity, FactorUse use, bool by_newton,
-                        bool lays_out_only = false);
+                        bool lays_out_only = false, const VelocityRules& rules = {});
   ~DeviceJacobianMachine() override;
 
   bool solve_velocities(const VelocityJob<Real>& job, StreamRef stream) override;
@@ -37,6 +38,7 @@ class DeviceJacobianMachine final : public JacobianMachine<Real> {
   void launch_newton(const VelocityJob<Real>& job, StreamHandle stream);
   void launch_steps(const VelocityStepKernels& kernels, const VelocityJob<Real>& job, StreamHandle stream);
   void prepare_newton();
+  [[nodiscard]] bool are_many(Offset envs) const;
   void finish(StreamHandle stream) noexcept;
   template <class Work>
   void queue(StreamHandle stream, const Work& work);
@@ -45,10 +47,12 @@ class DeviceJacobianMachine final : public JacobianMachine<Real> {
   JacobianArrays<Real> arrays_{};
   Real* scratch_ = nullptr;  ///< of each team, null: in fast memory                   (teams * slot)
   Offset slot_ = 0;
-  bool is_counted_ = false;               ///< solve_velocities() has counted the environments of this solve
+  bool is_counted_ = false;  ///< solve_velocities() has counted the environments of this solve
+  VelocityRules rules_;
   LaunchShape small_, large_;             ///< of counting; of assembling and moving
   std::vector<LaunchShape> team_shapes_;  ///< of Newton's teams, the smallest fast memory first
-  LaunchShape lane_shape_, block_shape_;  ///< of what they leave
+  LaunchShape lane_shape_, block_shape_;  ///< of what they leave; no teams: nothing
+  bool has_large_ = false;                ///< some may have more than kMostVelocityDofs
   VelocityBlocksArgs<Real> blocks_{};
   VelocityArgs<Real> newton_{};  ///< memory of Newton's method in velocities, and how it is laid out
   ArraySet set_;

@@ -2,6 +2,8 @@
 
 #include <cstddef>
 
+#include "stiction/types.hpp"
+
 namespace stiction::cuda {
 
 /// A launch of Newton's method in velocities.
@@ -13,5 +15,10 @@ struct VelocityTeamLimits {
 /// Launches one after the other; each takes what fits that no launch before has tried. Two teams of the first share a
 /// warp, and four such warps a multiprocessor of 227 KB. They reach speed only.
 inline constexpr VelocityTeamLimits kVelocityTeams[] = {{16, std::size_t{24} << 10}, {32, ~std::size_t{0}}};
+
+/// What decides whether teams are launched. It reaches speed only: other rules are for tests that it changes no bit.
+struct VelocityRules {
+  Offset many_per_processor = 62;  ///< environments of a batch, from which a lane each has the device: 8184 on an H200
+};
 
 }  // namespace stiction::cuda

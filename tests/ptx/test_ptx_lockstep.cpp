@@ -14,6 +14,7 @@
 #include <string>
 
 #include "cuda/kernels/velocity_program.hpp"
+#include "cuda/kernels/velocity_teams_program.hpp"
 #include "cuda/kernels/work_queue.hpp"
 #include "stiction/io.hpp"
 #include "stiction/solver.hpp"
@@ -76,16 +77,24 @@ Args arguments_of(const TracedLaunch& launch) {
 
 /// Where the arrays of a launch lie, but for its input.
 template <class Real>
-std::vector<ptx::Place> velocity_places(const TracedLaunch& launch) {
+std::vector<ptx::Place> answer_places(const VelocityJob<Real>& job) {
+  return {place_of(job.to.lambda, job.batch.row_count, Memory::output),
+          place_of(job.to.w, job.batch.row_count, Memory::output),
+          place_of(job.to.velocity, job.batch.dof_count, Memory::output),
+          place_of(job.to.status, job.batch.env_count, Memory::output)};
+}
+template <class Real>
+std::vector<ptx::Place> velocity_lane_places(const TracedLaunch& launch) {
   const auto args = arguments_of<cuda::VelocityArgs<Real>>(launch);
-  const JacobianBatchView<Real>& batch = args.job.batch;
-  const Offset teams = (batch.env_count + cuda::kWarp - 1) / cuda::kWarp;
-  return {place_of(args.numbers, teams * args.numbers_per_team, Memory::scratch),
-          place_of(args.lists, teams * cuda::kWarp * args.lists_per_lane, Memory::lists),
-          place_of(args.job.to.lambda, batch.row_count, Memory::output),
-          place_of(args.job.to.w, batch.row_count, Memory::output),
-          place_of(args.job.to.velocity, batch.dof_count, Memory::output),
-          place_of(args.job.to.status, batch.env_count, Memory::output)};
+  const Offset teams = (args.job.batch.env_count + cuda::kWarp - 1) / cuda::kWarp;
+  auto places = answer_places(args.job);
+  places.push_back(place_of(args.numbers, teams * args.numbers_per_team, Memory::scratch));
+  places.push_back(place_of(args.lists, teams * cuda::kWarp * args.lists_per_lane, Memory::lists));
+  return places;
+}
+template <class Real>
+std::vector<ptx::Place> velocity_team_places(const TracedLaunch& launch) {
+  return answer_places(arguments_of<cuda::VelocityTeamArgs<Real>>(launch).job);
 }
 template <class Real>
 std::vector<ptx::Place> queue_places(const TracedLaunch& launch) {
@@ -104,8 +113,10 @@ struct Counted {
   const char* kernel;
   std::vector<ptx::Place> (*places)(const TracedLaunch&);
 };
-constexpr Counted kCounted[] = {{"SolveVelocities<float", velocity_places<float>},
-                                {"SolveVelocities<double", velocity_places<double>},
+constexpr Counted kCounted[] = {{"SolveVelocities<float", velocity_lane_places<float>},
+                                {"SolveVelocities<double", velocity_lane_places<double>},
+                                {"SolveVelocityTeams<float", velocity_team_places<float>},
+                                {"SolveVelocityTeams<double", velocity_team_places<double>},
                                 {"(stiction::Law)0, float>", queue_places<float>},
                                 {"(stiction::EnvPath)1, float>", queue_places<float>},
                                 {"(stiction::Law)0, double>", queue_places<double>}};
@@ -156,7 +167,7 @@ SolverOptions options_of(SolverKind solver) {
 
 /// `auto` on J and M.
 template <class Real>
-Issued velocities(const io::Recording& recording, const std::vector<Offset>& order = {}) {
+Issued velocities(const io::Recording& recording, bool by_lanes, const std::vector<Offset>& order = {}) {
   const auto batch = io::jacobian_batch<Real>(recording, order);
   const SolverOptions options = options_of(SolverKind::automatic);
   const auto device = std::make_shared<cuda::EmulatedDevice>();
@@ -170,7 +181,8 @@ Issued velocities(const io::Recording& recording, const std::vector<Offset>& ord
   set.add(to.status, there.env_count);
   output = cuda::DeviceMemory(*device, set.bytes());
   set.place(output.get());
-  Machine<Real> machine(device, JacobianCapacity::of(batch.view()), FactorUse::by_size, options);
+  Machine<Real> machine(device, JacobianCapacity::of(batch.view()), FactorUse::by_size, options,
+                        cuda::VelocityRules{by_lanes ? 0 : kEnvs + 1});
   const cuda::Stream stream(*device);
   const Recorded recorded;
   machine.solve(there, to, StreamRef(stream.get()));
@@ -208,8 +220,10 @@ struct Count {
 };
 const std::vector<Count>& counts() {
   static const std::vector<Count> all = {
-      {"velocities f32", [](const io::Recording& robot) { return velocities<float>(robot); }},
-      {"velocities f64", [](const io::Recording& robot) { return velocities<double>(robot); }},
+      {"velocities f32 in teams", [](const io::Recording& robot) { return velocities<float>(robot, false); }},
+      {"velocities f64 in teams", [](const io::Recording& robot) { return velocities<double>(robot, false); }},
+      {"velocities f32 in lanes", [](const io::Recording& robot) { return velocities<float>(robot, true); }},
+      {"velocities f64 in lanes", [](const io::Recording& robot) { return velocities<double>(robot, true); }},
       {"npgs f32 in lanes", [](const io::Recording& robot) { return npgs<float>(robot, true); }},
       {"npgs f64 in lanes", [](const io::Recording& robot) { return npgs<double>(robot, true); }},
       {"npgs f32 in teams", [](const io::Recording& robot) { return npgs<float>(robot, false); }}};
@@ -286,7 +300,7 @@ TEST(PtxLockstep, WarpsIssueNoMoreThanTheyDid) {
 TEST(PtxLockstep, AWarpOfOneEnvironmentIssuesWhatOneLaneExecutes) {
   if (!is_run_with_kernels()) GTEST_SKIP() << "no kernels are named to execute";
   for (const char* const name : kRobots) {
-    const Issued issued = velocities<float>(robot(name), std::vector<Offset>(kEnvs, 5));
+    const Issued issued = velocities<float>(robot(name), true, std::vector<Offset>(kEnvs, 5));
     EXPECT_GT(issued.instructions, 0U);
     EXPECT_EQ(32 * issued.instructions, issued.lanes) << name;
     std::printf("%s: issued %.0f\n", name, row_of(issued)[0]);

@@ -2,11 +2,13 @@
 
 #include <algorithm>
 #include <limits>
+#include <memory>
 #include <numeric>
 #include <vector>
 
 #include "cuda/emulated/emulated_device.hpp"
 #include "cuda/machine/jacobian_machine.hpp"
+#include "tests/support/machines/device_jacobians.hpp"
 #include "tests/support/machines/velocity_packs.hpp"
 #include "tests/support/systems/roomy_jacobians.hpp"
 #include "tests/support/systems/velocity_cases.hpp"
@@ -153,6 +155,26 @@ TEST(VelocityTeams, TellWhatTheyTriedInVain) {
   const auto found = solve_by_teams(batch, Setting<double>{}, 1e-300);
   for (const std::uint8_t answered : found.answered) EXPECT_TRUE(answered == kTried || answered == kAnswered);
   EXPECT_GT(std::count(found.answered.begin(), found.answered.end(), kTried), 0);
+}
+
+// Where environments are many a lane each takes them, and teams none.
+TEST(VelocityTeams, AreLeftOutWhereEnvironmentsAreMany) {
+  const JacobianBatch<float> batch = chains<float>(Law::convex, MassForm::matrix);
+  const auto packed = batch.view();
+  const SolverOptions chosen = some_iterations<float>(SolverKind::automatic);
+  const auto expected = solve(packed, chosen);
+  auto view = packed;
+  view.space = MemorySpace::cuda;
+  for (const Offset many : {0, 1000}) {
+    SCOPED_TRACE(many);
+    const auto device = std::make_shared<cuda::EmulatedDevice>();
+    Machine<float> machine(device, JacobianCapacity::of(packed), FactorUse::by_size, chosen, cuda::VelocityRules{many});
+    Answer<float> answer(view);
+    const cuda::Stream stream(*device);
+    machine.solve(view, answer.view(), StreamRef(stream.get()));
+    device->synchronize(stream.get());
+    expect_all(view, answer, packed, expected);
+  }
 }
 
 }  // namespace

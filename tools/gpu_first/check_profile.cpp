@@ -18,7 +18,7 @@ struct Profile {
   const char* kernel;  ///< part of its name
 };
 constexpr Profile kProfiles[] = {
-    {"velocity", "SolveVelocities"}, {"bundles", "SolveThreadPerEnv"}, {"dense_warp", "SolveTeams"}};
+    {"velocity", "SolveVelocityTeams"}, {"bundles", "SolveThreadPerEnv"}, {"dense_warp", "SolveTeams"}};
 
 void solve_robot(Report& report, const std::string& name, RobotForm form, SolverKind solver) {
   const auto robot = robot_case(report.setting(), name);

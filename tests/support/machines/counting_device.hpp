@@ -48,7 +48,7 @@ class CountingDevice final : public cuda::DeviceApi {
   }
   void launch(const cuda::KernelRef& kernel, const cuda::LaunchShape& shape, const void*, cuda::StreamHandle) override {
     ++launches;
-    shapes[kernel.name] = shape;
+    shapes.emplace(kernel.name, shape);  // the first of its name
     EXPECT_EQ(prepared.count(what_counts(kernel, shape)), 1U) << kernel.name << " could not be captured";
     std::size_t& most = shared[kernel.entry];
     most = std::max(most, shape.shared_bytes);
@@ -67,7 +67,7 @@ class CountingDevice final : public cuda::DeviceApi {
   int launches = 0;
   int fills = 0;
   std::set<std::tuple<const void*, int, std::size_t, bool>> prepared;
-  std::map<std::string, cuda::LaunchShape> shapes;  ///< of the last launch of each kernel, by name
+  std::map<std::string, cuda::LaunchShape> shapes;  ///< of the first launch of each kernel, by name
   std::map<const void*, std::size_t> shared;        ///< most fast memory that teams of a kernel asked for [byte]
 
  private:

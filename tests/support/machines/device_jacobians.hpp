@@ -103,8 +103,8 @@ void expect_all(const JacobianBatchView<Real>& batch, const Answer<Real>& answer
 template <class Real>
 struct Machine {
   Machine(const std::shared_ptr<cuda::EmulatedDevice>& device, const JacobianCapacity& capacity, FactorUse use,
-          const SolverOptions& chosen = some_iterations<Real>())
-      : options(chosen), machine(device), jacobian(device, capacity, use, takes_newton(chosen)) {
+          const SolverOptions& chosen = some_iterations<Real>(), const cuda::VelocityRules& rules = {})
+      : options(chosen), machine(device), jacobian(device, capacity, use, takes_newton(chosen), false, rules) {
     machine.reserve({capacity.envs, capacity.rows, capacity.cones, capacity.matrix, capacity.env_rows,
                      Offset{capacity.env_rows} * capacity.env_rows, capacity.env_dofs, Precision::f64},
                     options.solver);
