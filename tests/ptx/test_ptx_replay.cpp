@@ -12,14 +12,14 @@ namespace {
 using namespace stiction;
 using namespace stiction::ptx;
 
-/// What one warp of a kernel issues. A block has four, which do the same.
+/// What one warp of a kernel issues. A launch of one team has no other.
 struct Counted {
   Issued all;
   u64 launches = 0;
-  [[nodiscard]] u64 instructions() const { return all.instructions / 4; }
-  [[nodiscard]] u64 lanes() const { return all.lanes / 4; }
-  [[nodiscard]] u64 barriers() const { return all.barriers / 4; }
-  [[nodiscard]] u64 of(Memory memory) const { return all.of(memory) / 4; }
+  [[nodiscard]] u64 instructions() const { return all.instructions; }
+  [[nodiscard]] u64 lanes() const { return all.lanes; }
+  [[nodiscard]] u64 barriers() const { return all.barriers; }
+  [[nodiscard]] u64 of(Memory memory) const { return all.of(memory); }
 };
 
 Counted count(const std::string& name) {
@@ -63,7 +63,7 @@ TEST(PtxReplay, LanesThatLeaveAFunctionEarlyWaitForTheOthersBehindTheCall) {
   const Counted found = count("calls");
   EXPECT_EQ(found.instructions(), 3U + 2U + (3U + 2U + 1U) + 2U);
   EXPECT_EQ(found.lanes(), 32U * 3 + 31U * (2 + 3 + 1 + 2) + 24U * 2);
-  EXPECT_EQ(found.all.by_function.at("early"), 4 * 6U);
+  EXPECT_EQ(found.all.by_function.at("early"), 6U);
 }
 
 TEST(PtxReplay, SectorsAreThoseThatLanesTouchTogether) {

@@ -20,6 +20,11 @@ finish() {
   status=$?
   trap - EXIT
   if [ -n "$child" ]; then kill -TERM "$child" 2> /dev/null && wait "$child" 2> /dev/null; fi
+  # The log ends with its writer, unless a check still holds it open.
+  for _ in 1 2 3 4 5 6 7 8 9 10; do
+    if [ -z "$shown" ] || ! kill -0 "$shown" 2> /dev/null; then break; fi
+    sleep 0.2
+  done
   if [ -n "$shown" ]; then kill "$shown" 2> /dev/null; fi
   tar -C "$work" -chzf "$results/all.tgz" all
   rm -rf "$work"
