@@ -35,7 +35,7 @@ class Instructions:
             return self.write(o[0], f"{cpp('b' + kind[1:])}({joined})", "b" + kind[1:])
         return self.write(o[0], self.read(o[1], kind), kind)
 
-    def place(self, m, operand, stores=False):  # pylint: disable=unused-argument
+    def place(self, m, operand):
         """Address of a memory access."""
         address = self.address(operand)
         return f"lane.shared_address({address})" if "shared" in m else address
@@ -54,7 +54,7 @@ class Instructions:
         return f"{{ {wait}{text} }}" if wait else text
 
     def op_st(self, m, o):
-        kind, place = m[-1], self.place(m, o[0], True)
+        kind, place = m[-1], self.place(m, o[0])
         if set(m) - {"param", "local", "shared", "global", "v2", "v4", "release", "gpu", "volatile", "relaxed", kind}:
             return None
         if o[1].startswith("{"):
@@ -68,7 +68,7 @@ class Instructions:
         (operation,) = [part for part in m if part in ATOMICS]
         if set(m) - {"global", "shared", "relaxed", "release", "acquire", "acq_rel", "gpu", "cta", operation, kind}:
             return None
-        place = self.place(m, o[1], True)
+        place = self.place(m, o[1])
         return self.write(o[0], f"atomic_{operation}<{cpp(kind)}>({place}, {self.read(o[2], kind)})", kind)
 
     def op_setp(self, m, o):

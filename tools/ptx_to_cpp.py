@@ -98,17 +98,17 @@ class Module:
         return sum(len(pieces) for _, pieces in self.traced)
 
     def traced_text(self):
-        """What a replay has to know of the code."""
+        """Facts about the code for a replay."""
         pieces, sites = [], []
         for i, (_, own) in enumerate(self.traced):
             for instructions, position, accesses in own:
                 pieces.append(f"{{{instructions}, {i}, {position}, {len(sites)}}}")
-                sites += [f"{{{size}, {str(stores).lower()}}}" for size, stores in accesses]
+                sites += map(str, accesses)
         names = ", ".join(f'"{name}"' for name, _ in self.traced)
         return [f"const char* const functions[] = {{{names}}};",
                 f"const TracedPiece pieces[] = {{{{}}, {', '.join(pieces)}}};",
-                f"const TracedAccess accesses[] = {{{', '.join(sites + ['{}'])}}};",
-                "const TracedCode code{functions, pieces, accesses};"]
+                f"const u32 access_bytes[] = {{{', '.join(sites + ['0'])}}};",
+                "const TracedCode code{functions, pieces, access_bytes};"]
 
     def cpp_text(self):
         lines = ["// Made by tools/ptx_to_cpp.py.", '#include "tests/ptx/operations.hpp"', "",

@@ -55,7 +55,7 @@ class TracedFunction(Function):
         self.instructions = []  # of each piece
         self.leads = []  # labels, or numbers of pieces, that control goes to behind it
         self.begins = {}  # label -> piece
-        self.sites = []  # (bytes, whether it stores) of the memory accesses of each piece
+        self.sites = []  # bytes of the memory accesses of each piece
         self.own_sites = []
 
     def count(self, label=None, stays=True):
@@ -84,11 +84,11 @@ class TracedFunction(Function):
         if words[words[0].startswith("@")].split(".")[0] in MEETS:
             self.count()
 
-    def place(self, m, operand, stores=False):
-        address = super().place(m, operand, stores)
+    def place(self, m, operand):
+        address = super().place(m, operand)
         if "param" in m or "const" in m:
             return address
-        self.own_sites.append((BYTES[m[-1]] * (2 if "v2" in m else 4 if "v4" in m else 1), stores))
+        self.own_sites.append(BYTES[m[-1]] * (2 if "v2" in m else 4 if "v4" in m else 1))
         return f"lane.trace_access({len(self.own_sites) - 1}, {address})"
 
     def pieces(self):

@@ -69,8 +69,9 @@ struct SolveVelocities {
 
   static STICTION_HD bool takes(const Args& args, Offset env) {
     const bool in_double = steps_in_double(args.job, env);
-    if constexpr (sizeof(Number) > sizeof(Real)) return in_double && (args.job.answered[env] & kTriedInDouble) == 0;
-    if ((args.job.answered[env] & (kAnswered | kTried)) != 0) return false;
+    constexpr bool kInDouble = sizeof(Number) > sizeof(Real);
+    if ((args.job.answered[env] & (kAnswered | (kInDouble ? kTriedInDouble : kTried))) != 0) return false;
+    if constexpr (kInDouble) return in_double;
     return !in_double || is_tried_again(lane_env(args.job.batch, env));
   }
 

@@ -152,7 +152,6 @@ void Grid::begin_trace(const void* arguments) {
     launch.parameters[i][1] = launch.parameters[i][0] + kernel_.parameter_bytes[i];
   }
   launch.shared_bytes = grid_.shared;
-  launch.block_size = static_cast<u32>(grid_.block);
   launch.lanes.resize(threads_.size());
 }
 

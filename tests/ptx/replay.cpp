@@ -135,7 +135,7 @@ class Warp {
     sum_.barriers += is_barrier ? 1 : 0;
     for (std::size_t k = 0; k < accesses; ++k)
       if (accesses_[k].lanes != 0) {
-        count(accesses_[k], launch_.code->accesses[piece.access + k].bytes);
+        count(accesses_[k], launch_.code->access_bytes[piece.access + k]);
         accesses_[k].lanes = 0;
       }
   }

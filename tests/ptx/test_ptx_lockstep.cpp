@@ -5,12 +5,9 @@
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
-#include <fstream>
 #include <functional>
-#include <map>
 #include <memory>
 #include <regex>
-#include <sstream>
 #include <string>
 
 #include "cuda/kernels/velocity_program.hpp"
@@ -20,6 +17,7 @@
 #include "stiction/solver.hpp"
 #include "tests/ptx/replay.hpp"
 #include "tests/support/bits.hpp"
+#include "tests/support/count_table.hpp"
 #include "tests/support/machines/device_jacobians.hpp"
 #include "tests/support/machines/on_engine.hpp"
 
@@ -75,7 +73,7 @@ Args arguments_of(const TracedLaunch& launch) {
   return args;
 }
 
-/// Where the arrays of a launch lie, but for its input.
+/// Arrays that a launch writes its answers to.
 template <class Real>
 std::vector<ptx::Place> answer_places(const VelocityJob<Real>& job) {
   return {place_of(job.to.lambda, job.batch.row_count, Memory::output),
@@ -121,7 +119,7 @@ constexpr Counted kCounted[] = {{"SolveVelocities<float", velocity_lane_places<f
                                 {"(stiction::EnvPath)1, float>", queue_places<float>},
                                 {"(stiction::Law)0, double>", queue_places<double>}};
 
-/// What those of them issue whose names have `part` in them. Every event of every lane has its part in it.
+/// Counts what kernels with `part` in their names issue. Every event of every lane has its part in it.
 Issued replayed(const Recorded& recorded, const char* part) {
   Issued sum;
   std::uint64_t lanes = 0;
@@ -234,27 +232,6 @@ bool is_run_with_kernels() {
   return std::getenv("STICTION_EMULATED_KERNELS") != nullptr;
 }
 
-std::map<std::string, std::pair<std::string, Row>> table() {
-  std::map<std::string, std::pair<std::string, Row>> rows;
-  std::ifstream file(STICTION_PTX_FOLDER "/lockstep.csv");
-  std::string line;
-  std::getline(file, line);
-  EXPECT_EQ(line, kHead);
-  while (std::getline(file, line)) {
-    std::istringstream fields(line);
-    std::string name, compiler, number;
-    std::getline(fields, name, ',');
-    std::getline(fields, compiler, ',');
-    Row row{};
-    for (double& value : row) {
-      std::getline(fields, number, ',');
-      value = std::stod(number);
-    }
-    rows[name] = {compiler, row};
-  }
-  return rows;
-}
-
 /// Functions that issue more than a twentieth.
 void print_functions(const Issued& issued) {
   static const std::regex arguments("<[^<>]*>|\\([^()]*\\)( const)?|stiction::isa_cuda::");
@@ -268,10 +245,7 @@ void print_functions(const Issued& issued) {
 
 TEST(PtxLockstep, WarpsIssueNoMoreThanTheyDid) {
   if (!is_run_with_kernels()) GTEST_SKIP() << "no kernels are named to execute";
-  const bool updates = std::getenv("STICTION_UPDATE_COUNTS") != nullptr;
-  const auto rows = updates ? std::map<std::string, std::pair<std::string, Row>>{} : table();
-  std::ostringstream written;
-  written << kHead << "\n";
+  CountTable table(STICTION_PTX_FOLDER "/lockstep.csv", kHead);
   for (const char* const robot_name : kRobots) {
     const io::Recording recording = robot(robot_name);
     ASSERT_EQ(recording.batch.env_count(), kEnvs);
@@ -279,21 +253,18 @@ TEST(PtxLockstep, WarpsIssueNoMoreThanTheyDid) {
       const std::string name = std::string(robot_name) + ": " + count.what;
       const Issued issued = count.of(recording);
       const Row found = row_of(issued);
-      written << name << "," << STICTION_CUDA_COMPILER;
-      for (const double value : found) written << "," << std::llround(value);
-      written << "\n";
+      std::string fields = STICTION_CUDA_COMPILER;
+      for (const double value : found) fields += "," + std::to_string(std::llround(value));
       std::printf("%s: issued %.0f, efficiency %.2f\n", name.c_str(), found[0], issued.efficiency());
       print_functions(issued);
-      if (updates) continue;
-      ASSERT_TRUE(rows.count(name) > 0) << name;
-      const auto& [compiler, allowed] = rows.at(name);
-      if (compiler != STICTION_CUDA_COMPILER) GTEST_SKIP() << "counted with nvcc " << compiler;
+      const std::vector<std::string> allowed = table.add(name, fields);
+      if (allowed.empty()) continue;
+      ASSERT_EQ(allowed.size(), found.size() + 1) << name;
+      if (allowed[0] != STICTION_CUDA_COMPILER) GTEST_SKIP() << "counted with nvcc " << allowed[0];
       for (std::size_t k = 0; k < found.size(); ++k)
-        EXPECT_LE(found[k], (1 + kAllowed) * allowed[k] + 1) << name << ", column " << k + 2;
+        EXPECT_LE(found[k], (1 + kAllowed) * std::stod(allowed[k + 1]) + 1) << name << ", column " << k + 2;
     }
   }
-  std::printf("%s", written.str().c_str());
-  if (updates) std::ofstream(STICTION_PTX_FOLDER "/lockstep.csv") << written.str();
 }
 
 /// Lanes that have the same environment never part.

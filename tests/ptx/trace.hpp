@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-/// What lanes leave behind that execute code translated with traces (tools/ptx_trace.py).
+/// Events that lanes leave behind which execute code translated with traces (tools/ptx_trace.py).
 namespace stiction::ptx {
 
 /// A straight piece of code. Lanes that execute it together issue its instructions once.
@@ -15,17 +15,11 @@ struct TracedPiece {
   std::uint32_t access;    ///< its first
 };
 
-/// A place in the code that loads from memory or stores to it.
-struct TracedAccess {
-  std::uint32_t bytes;
-  bool stores;
-};
-
 /// Facts of one translated file. Numbers of pieces begin at 1.
 struct TracedCode {
   const char* const* functions;  ///< mangled names
   const TracedPiece* pieces;
-  const TracedAccess* accesses;
+  const std::uint32_t* access_bytes;  ///< of each place that loads from memory or stores to it
 };
 
 /// Events of a lane in the order of execution: a kind in the upper 16 bits, what it is of in the others. A piece
@@ -54,8 +48,7 @@ struct TracedLaunch {
   std::vector<unsigned char> arguments;
   std::uint64_t parameters[2][2] = {};  ///< addresses at which each parameter begins and ends
   std::uint64_t shared_bytes = 0;       ///< of a block
-  std::uint32_t block_size = 0;
-  std::vector<LaneTrace> lanes;  ///< of all blocks
+  std::vector<LaneTrace> lanes;         ///< of all blocks
 };
 
 }  // namespace stiction::ptx

@@ -83,21 +83,30 @@ Seen alone() {
   return seen;
 }
 
+/// Records of what lanes of a launch for the whole device saw, and how often they fetched.
+struct Look {
+  Seen seen;
+  Offset fetched = 0;
+};
+Look look_around(cuda::EmulatedDevice& device, Offset teams) {
+  const cuda::Stream stream(device);
+  Look look;
+  Index written[kWidth] = {};
+  const LookAround::Args args{&look.seen, written, &look.fetched};
+  cuda::LaunchShape shape;
+  shape.teams = teams;
+  shape.lanes = cuda::kMostLanes;
+  shape.whole_device = true;
+  device.launch(cuda::emulated_kernel<LookAround>("look_around"), shape, &args, stream.get());
+  device.synchronize(stream.get());
+  return look;
+}
+
 TEST(DeviceGrid, LanesOfAllBlocksRunAtOnceAndMeetAtOneBarrier) {
   const Seen expected = alone();
   for (std::uint64_t seed = 0; seed < 12; ++seed) {
     cuda::EmulatedDevice device({kLanes, kBlocks, seed});
-    const cuda::Stream stream(device);
-    Seen seen;
-    Index written[kWidth] = {};
-    Offset counter = 0;
-    const LookAround::Args args{&seen, written, &counter};
-    cuda::LaunchShape shape;
-    shape.teams = 1;
-    shape.lanes = cuda::kMostLanes;
-    shape.whole_device = true;
-    device.launch(cuda::emulated_kernel<LookAround>("look_around"), shape, &args, stream.get());
-    device.synchronize(stream.get());
+    const auto [seen, fetched] = look_around(device, 1);
     for (Index rank = 0; rank < kWidth; ++rank) {
       SCOPED_TRACE("lane " + std::to_string(rank) + ", seed " + std::to_string(seed));
       EXPECT_EQ(seen.size[rank], kWidth);
@@ -109,7 +118,7 @@ TEST(DeviceGrid, LanesOfAllBlocksRunAtOnceAndMeetAtOneBarrier) {
       EXPECT_EQ(seen.sum[rank], expected.sum[0]);
       EXPECT_EQ(seen.work_counter[rank], expected.work_counter[0]);
     }
-    EXPECT_EQ(counter, LookAround::kRounds);
+    EXPECT_EQ(fetched, LookAround::kRounds);
   }
 }
 
@@ -159,19 +168,9 @@ TEST(DeviceGrid, AGiantHasOneBlockWhereOthersHoldAPartOfTheDevice) {
   cuda::EmulatedDeviceOptions options{kLanes, kBlocks, 5};
   options.is_whole = false;
   cuda::EmulatedDevice device(options);
-  const cuda::Stream stream(device);
-  Seen seen;
-  Index written[kWidth] = {};
-  Offset counter = 0;
-  const LookAround::Args args{&seen, written, &counter};
-  cuda::LaunchShape shape;
-  shape.teams = 7;
-  shape.lanes = cuda::kMostLanes;
-  shape.whole_device = true;
-  device.launch(cuda::emulated_kernel<LookAround>("look_around"), shape, &args, stream.get());
-  device.synchronize(stream.get());
-  EXPECT_EQ(seen.size[0], kLanes);
-  EXPECT_EQ(counter, LookAround::kRounds) << "one team";
+  const Look look = look_around(device, 7);
+  EXPECT_EQ(look.seen.size[0], kLanes);
+  EXPECT_EQ(look.fetched, LookAround::kRounds) << "one team";
   const ContactBatch<float> batch = convert<float>(giant_among_small(SolverKind::npgs));
   const SolverOptions chosen = brief(SolverKind::npgs, Law::convex);
   EXPECT_EQ(on_engine(device, batch, chosen), solve_hashes(batch, chosen));

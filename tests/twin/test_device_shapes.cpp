@@ -126,5 +126,19 @@ TEST(LaunchGrids, ATeamOfMoreThanAWarpHasItsBlockToItself) {
   }
 }
 
+/// Few teams are spread over blocks of a warp each, many share blocks.
+TEST(LaunchGrids, NoMultiprocessorIsIdleForTheSakeOfALargerBlock) {
+  for (const Gpu& gpu : kGpus) {
+    const CountingDevice device(gpu);
+    cuda::LaunchShape shape;
+    shape.lanes = cuda::kWarp;
+    for (const auto& [teams_each, warps] : {std::pair{1, 1}, {2, 2}, {3, 2}, {4, 4}, {50, 4}}) {
+      shape.teams = Offset{gpu.processors} * teams_each;
+      EXPECT_EQ(cuda::launch_grid(shape, false, device.facts(), nullptr).teams_per_block, warps)
+          << gpu.name << ", " << teams_each << " teams a multiprocessor";
+    }
+  }
+}
+
 }  // namespace
 }  // namespace stiction::test

@@ -5,6 +5,7 @@
 
 #include "scenes/scenes.hpp"
 #include "tests/support/golden/case.hpp"
+#include "tests/support/systems/jacobian_answer.hpp"
 #include "tests/support/systems/scene_batches.hpp"
 #include "tools/gpu_first/recorded.hpp"
 
@@ -75,17 +76,7 @@ std::vector<float> nudged(std::vector<float> velocities) {
   return velocities;
 }
 
-struct Answer {
-  std::vector<float> lambda, w, velocity;
-  std::vector<EnvStatus> status;
-
-  explicit Answer(const JacobianBatchView<float>& batch)
-      : lambda(static_cast<std::size_t>(batch.row_count)),
-        w(lambda),
-        velocity(static_cast<std::size_t>(batch.dof_count)),
-        status(static_cast<std::size_t>(batch.env_count)) {}
-  JacobianSolutionView<float> view() { return {lambda.data(), w.data(), velocity.data(), status.data()}; }
-};
+using Answer = test::JacobianAnswer<float>;
 
 Answer solve_here(const JacobianBatchView<float>& batch, const SolverOptions& options,
                   const JacobianStart<float>& start = {}) {

@@ -12,6 +12,7 @@
 #include "cuda/machine/jacobian_machine.hpp"
 #include "stiction/jacobian_solver.hpp"
 #include "tests/support/bits.hpp"
+#include "tests/support/systems/jacobian_answer.hpp"
 #include "tests/support/systems/jacobian_systems.hpp"
 #include "tests/support/systems/roomy_jacobians.hpp"
 
@@ -59,18 +60,10 @@ SolverOptions some_iterations(SolverKind solver = SolverKind::npgs) {
   return options;
 }
 
-/// What a solve writes, filled with rubbish before it.
+/// An answer, filled with rubbish before the solve.
 template <class Real>
-struct Answer {
-  std::vector<Real> lambda, w, velocity;
-  std::vector<EnvStatus> status;
-
-  explicit Answer(const JacobianBatchView<Real>& room)
-      : lambda(static_cast<std::size_t>(room.row_count), kRubbish),
-        w(lambda),
-        velocity(static_cast<std::size_t>(room.dof_count), kRubbish),
-        status(static_cast<std::size_t>(room.env_count)) {}
-  JacobianSolutionView<Real> view() { return {lambda.data(), w.data(), velocity.data(), status.data()}; }
+struct Answer : JacobianAnswer<Real> {
+  explicit Answer(const JacobianBatchView<Real>& room) : JacobianAnswer<Real>(room, kRubbish) {}
   static constexpr Real kRubbish = Real(-77);
 };
 

@@ -8,6 +8,7 @@
 #include "stiction/jacobian_solver.hpp"
 #include "stiction/residual.hpp"
 #include "tests/support/bits.hpp"
+#include "tests/support/systems/jacobian_answer.hpp"
 #include "tests/support/systems/roomy_jacobians.hpp"
 #include "tests/support/systems/velocity_cases.hpp"
 
@@ -17,19 +18,9 @@ namespace {
 using namespace stiction;
 using namespace stiction::test;
 
-struct Answer {
-  std::vector<double> lambda, w, velocity;
-  std::vector<EnvStatus> status;
+struct Answer : JacobianAnswer<double> {
+  using JacobianAnswer::JacobianAnswer;
 
-  explicit Answer(const JacobianBatchView<double>& batch)
-      : lambda(static_cast<std::size_t>(batch.row_count)),
-        w(lambda),
-        velocity(static_cast<std::size_t>(batch.dof_count)),
-        status(static_cast<std::size_t>(batch.env_count)) {}
-
-  [[nodiscard]] JacobianSolutionView<double> view() {
-    return {lambda.data(), w.data(), velocity.data(), status.data()};
-  }
   [[nodiscard]] Index iterations() const {
     Index sum = 0;
     for (const EnvStatus& one : status) sum += one.iterations;
