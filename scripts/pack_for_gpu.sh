@@ -9,8 +9,8 @@
 #   hashes.csv       what the CPU answers
 #   run.sh           runs it all; manifest.txt says what sources it was made of
 #
-# Kernels are compiled at the lowest priority, and what was compiled before is kept. Those of three solvers that auto
-# never takes are left out for time (STICTION_PACK_WITHOUT, names of .cu files with commas between them). Then the pack
+# Kernels are compiled at the lowest priority, and what was compiled before is kept. Kernels of three solvers that
+# auto never takes are left out for time (STICTION_PACK_WITHOUT, names of .cu files with commas between them). Then the pack
 # is tried: it is under 35 MB, unpacks, and finds its hashes on the CPU.
 set -euo pipefail
 # shellcheck source-path=SCRIPTDIR source=common.sh

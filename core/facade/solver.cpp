@@ -210,8 +210,8 @@ void Solver::dispatch(const PlanData* plan, const ContactBatchView<Real>& batch,
     solve_islands(options_, plan, batch, solution, warm_start, stream, full_rows);
 }
 
-/// Environments of a class are a batch of their own. What is not solved then is left to auto. Answers are written when
-/// all are there: a solve that throws has written none.
+/// Environments of a class are a batch of their own, and auto gets the unsolved ones. Answers are written when all are
+/// there: a solve that throws has written none.
 template <class Real>
 void Solver::solve_by_spectrum(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution,
                                const Real* warm_start, StreamRef stream) const {

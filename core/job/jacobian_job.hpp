@@ -20,7 +20,7 @@ struct JacobianJob {
   Real* velocity = nullptr;        ///< out: v_free + M^-1 J' lambda                    (dof_count)
 };
 
-/// Bits of JacobianArrays::answered. What was tried without an answer is not tried again in that precision.
+/// Bits of JacobianArrays::answered. No launch tries an environment again in a precision that it was tried in.
 inline constexpr std::uint8_t kAnswered = 1, kTriedInDouble = 2, kTried = 4;
 
 /// The arrays of a contact batch that shares the cones and vectors of the Jacobian batch that it is made of. The two

@@ -6,11 +6,11 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// Whether lanes of a team compute different numbers of one environment. A team of one computes all in turn.
+/// True of a team of one, which computes all numbers in turn. Lanes of others compute different numbers at once.
 template <class TeamT>
 inline constexpr bool kIsAlone = std::is_same_v<std::remove_cvref_t<TeamT>, SerialTeam>;
 
-/// What holds on every lane of a team, on every lane.
+/// Returns on every lane of a team where `mask` holds on all of them.
 template <Team TeamT, class MaskT>
 STICTION_HD MaskT on_all_lanes(TeamT& team, MaskT mask) {
   if constexpr (kIsAlone<TeamT>) {

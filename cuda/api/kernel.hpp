@@ -26,8 +26,8 @@ inline constexpr int kWarp = 32;          ///< lanes that run in lock-step
 inline constexpr int kMostLanes = 256;    ///< of a team within one block
 inline constexpr int kTeamThreads = 128;  ///< of a block at most whose teams are smaller
 
-/// A launch as a device takes it. Where others may hold multiprocessors, blocks of a whole device might wait for one
-/// that never runs: one block is the team there.
+/// A launch as a device takes it. Blocks of a whole device might wait for one that never runs while others hold
+/// multiprocessors: one block is the team there.
 inline LaunchShape shape_on(const LaunchShape& shape, bool is_whole) {
   LaunchShape own = shape;
   if (!shape.whole_device || is_whole) return own;

@@ -8,7 +8,7 @@
 
 namespace stiction::cuda {
 
-/// What teams of Newton's method in velocities take beside the job.
+/// Arguments of teams of Newton's method in velocities.
 template <class Real>
 struct VelocityTeamArgs {
   VelocityJob<Real> job;
@@ -63,7 +63,7 @@ struct TeamMemory {
   [[nodiscard]] STICTION_HD Offset doubles(const Lists& lists, const SlotCounts& counts) const {
     return Workspace::doubles(counts, lists.tree.dofs, lists.tree.entries, wide_rows(lists));
   }
-  /// Where numbers begin: behind the lists.
+  /// First byte of the numbers, behind the lists.
   [[nodiscard]] STICTION_HD Offset begin(const Lists& lists, const SlotCounts& counts) const {
     const auto* const end = reinterpret_cast<const unsigned char*>(lists.end(counts));
     return (static_cast<Offset>(end - shared) + 15) / 16 * 16;
@@ -81,7 +81,7 @@ struct SolveVelocityTeams {
   static constexpr bool kInDouble = sizeof(Number) > sizeof(Real);
   static constexpr std::uint8_t kMark = kInDouble ? kTriedInDouble : kTried;
 
-  /// Whether it is this kernel's, and no launch before has tried it.
+  /// Returns true if this kernel is to try an environment, and no launch before has.
   static STICTION_HD bool takes(const Args& args, Offset env, const LaneEnv<Real>& whole) {
     const VelocityJob<Real>& job = args.job;
     if ((args.arrays.flags[env] & kNotAssembled) != 0 || whole.dofs > kMostVelocityDofs) return false;

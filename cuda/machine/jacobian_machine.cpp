@@ -138,7 +138,7 @@ void DeviceJacobianMachine<Real>::reserve_newton(const JacobianCapacity& capacit
   set_.add(arrays_.answered, capacity.envs);
   set_.add(arrays_.status, capacity.envs);
   if (has_large_) reserve_blocks(capacity);
-  // Where steps are in double numbers take more room.
+  // Numbers take more room where steps are in double.
   using TeamTypes = LaneTypes<double, 1, DofSet, Real, EveryTeam>;
   bool covers_all = false;
   for (const VelocityTeamLimits& limits : kVelocityTeams) {

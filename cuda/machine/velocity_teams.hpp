@@ -16,7 +16,7 @@ struct VelocityTeamLimits {
 /// warp, and four such warps a multiprocessor of 227 KB. They reach speed only.
 inline constexpr VelocityTeamLimits kVelocityTeams[] = {{16, std::size_t{24} << 10}, {32, ~std::size_t{0}}};
 
-/// What decides whether teams are launched. It reaches speed only: other rules are for tests that it changes no bit.
+/// Rules by which teams are launched. They reach speed only: other rules are for tests that they change no bit.
 struct VelocityRules {
   Offset many_per_processor = 62;  ///< environments of a batch, from which a lane each has the device: 8184 on an H200
 };

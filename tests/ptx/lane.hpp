@@ -40,7 +40,7 @@ struct Lane {
   u64 instructions = 0;             ///< executed
   LaneTrace* trace = nullptr;       ///< that it leaves, if its code was translated so
 
-  /// What code says that leaves a trace. A piece is executed. A function is entered, or left. An access of the piece
+  /// Calls of code that leaves a trace. A piece is executed. A function is entered, or left. An access of the piece
   /// reaches an address, which is returned.
   void trace_piece(u32 number) const;
   void trace_call(bool enters) const;
@@ -96,7 +96,7 @@ std::vector<TracedKernel>& traced_kernels();
 struct RegisteredTrace {
   explicit RegisteredTrace(const TracedKernel& kernel) { traced_kernels().push_back(kernel); }
 };
-/// Where launches of traced kernels are recorded from now on, in place of the others; null: nowhere.
+/// Records launches of traced kernels in `launches` from now on, in place of the others; null: records none.
 void record_traces(std::vector<TracedLaunch>* launches);
 
 /// Every kernel that was translated.

@@ -12,7 +12,7 @@ namespace {
 using namespace stiction;
 using namespace stiction::ptx;
 
-/// What one warp of a kernel issues. A launch of one team has no other.
+/// Counts of the one warp that a launch of one team has.
 struct Counted {
   Issued all;
   u64 launches = 0;

@@ -17,7 +17,7 @@
 namespace stiction::test {
 namespace {
 
-/// What a launch reads of environments that are sound.
+/// Arrays that a launch reads, of environments that are sound.
 template <class Real>
 struct Arrays {
   std::vector<std::uint32_t> flags;
@@ -157,7 +157,7 @@ TEST(VelocityTeams, TellWhatTheyTriedInVain) {
   EXPECT_GT(std::count(found.answered.begin(), found.answered.end(), kTried), 0);
 }
 
-// Where environments are many a lane each takes them, and teams none.
+// Many environments have a lane each, and no teams.
 TEST(VelocityTeams, AreLeftOutWhereEnvironmentsAreMany) {
   const JacobianBatch<float> batch = chains<float>(Law::convex, MassForm::matrix);
   const auto packed = batch.view();

@@ -6,10 +6,10 @@
 #include "stiction/types.hpp"
 
 /// Newton's method in velocities as in textbooks, to compare with (Todorov 2014). The threads of a block take an
-/// environment. J and H are dense, numbers are of single precision, sums go in any order. That is the arithmetic of
-/// MuJoCo Warp, without its launches and its traffic of memory between them: such a kernel is no slower than that. This
-/// is a peer, and not an algorithm of the library, which would be told once, in core/. Nothing of the library's is used
-/// but names of cones.
+/// environment. J and H are dense, numbers are of single precision, sums go in any order. The arithmetic is
+/// MuJoCo Warp's, without its launches and its traffic of memory between them. It is meant as a bound from below, and
+/// no GPU has timed it. This is a peer, and not an algorithm of the library, which would be told once, in core/.
+/// Nothing of the library's is used but names of cones.
 ///
 /// A Block has kBaselineThreads threads, on a GPU or as a loop on the CPU. for_threads(f) calls f(thread) in each and
 /// waits for all; sum(f) is the sum of f(thread).
@@ -27,7 +27,7 @@ struct BaselineBatch {
   const float *v_free = nullptr, *start = nullptr;               ///< of degrees of freedom
   const float *target = nullptr, *R = nullptr, *mu = nullptr, *lo = nullptr, *hi = nullptr;  ///< of rows
 };
-/// Where answers go.
+/// Arrays that answers go to.
 struct BaselineAnswer {
   float *velocity = nullptr, *lambda = nullptr;
   Index* steps = nullptr;  ///< of each environment
@@ -70,9 +70,8 @@ STICTION_HD void each_row(Index first, Index rows, F&& f) {
     if (k < rows) f(k);
 }
 
-/// A cone's reaction to its rows' motion, and minus the derivative of that, G. Where a cone slides, G is h (1, d)(1,
-/// d)'
-/// + turn (0 0; 0 1 - d d'), in the coordinates of the circular cone: tangential rows times mu.
+/// A cone's reaction to its rows' motion, and minus the derivative of that, G. Coordinates are the
+/// circular cone's: tangential rows times mu. In them G is h (1, d)(1, d)' + turn (0 0; 0 1 - d d') while it slides.
 struct ConeResponse {
   float reaction[kBaselineConeRows], direction[kBaselineConeRows], diagonal[kBaselineConeRows];
   float h = 0, turn = 0;
@@ -172,7 +171,7 @@ STICTION_HD void solve_baseline(Block& block, const BaselineBatch& batch, const 
     const float kinetic = total(n, [&](Index i) { return own.p[i] * own.q[i]; });
     const float potential = total(cones, [&](Index c) {
       return with_cone(c, 0, [&](Index at, Index count, const ConeResponse& response, Offset first) {
-        // Of a reaction x to z: the largest of -z x - R x^2 / 2.
+        // The potential at z: the largest of -z x - R x^2 / 2 over reactions x.
         float sum = 0;
         each_row(0, count, [&](Index k) {
           sum -= response.reaction[k] * (own.z[at + k] + batch.R[first + k] * response.reaction[k] / 2);

@@ -19,7 +19,7 @@ namespace {
 
 /// The loosest at which nineteen of twenty recorded environments have a residual of at most 1e-4.
 constexpr float kTolerance = 2e-5F;
-/// Of velocities, as a share of what reactions change them by; of the residual's 95th percentile.
+/// Limits on velocities, as a share of what reactions change them by, and on the residual's 95th percentile.
 constexpr double kMostApart = 1e-4, kMostApartMedian = 1e-5, kMostResidual = 1e-4;
 constexpr Offset kSizes[] = {1024, 4096, 16384, 65536};
 

@@ -13,7 +13,7 @@ namespace {
 /// Rows that a device stood in for by the CPU takes: every so many.
 constexpr std::size_t kStride = 12;
 
-/// Whether a word of the row's name is a solver whose kernels were not compiled.
+/// Returns false if a word of the row's name is a solver whose kernels were not compiled.
 bool is_carried(const Target* target, const std::string& row) {
   if (target == nullptr) return true;
   for (std::size_t begin = 0; begin < row.size();) {

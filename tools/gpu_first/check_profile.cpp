@@ -5,7 +5,7 @@
 #include "tools/gpu_first/child.hpp"
 #include "tools/gpu_first/robot_case.hpp"
 
-/// What three kernels wait for, by NVIDIA's ncu, where it is and may count. `profile/...` is what it looks at.
+/// Stalls of three kernels, by NVIDIA's ncu, if it is there and may count. It looks at checks `profile/...`.
 namespace stiction::gpu_first {
 
 namespace {

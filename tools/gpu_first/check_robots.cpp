@@ -46,7 +46,7 @@ void compare_robot(Report& report, const std::string& name, RobotForm form) {
         });
 }
 
-/// Whether each environment has the hash of the one that it repeats.
+/// Returns true if each environment has the hash of the one that it repeats.
 bool all_repeat(const Hashes& all, const Hashes& once) {
   for (std::size_t i = 0; i < all.size(); ++i)
     if (all[i] != once[i % once.size()]) return false;

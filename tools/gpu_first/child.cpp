@@ -20,7 +20,7 @@ namespace {
 constexpr std::size_t kKept = 2000;  ///< characters of what was printed
 constexpr int kPollMs = 20;
 
-/// What a pipe brings: the end of its text, and each whole line.
+/// Text that a pipe brings: its end, and each whole line.
 class Heard {
  public:
   explicit Heard(const std::function<void(const std::string&)>& hear) : hear_(hear) {}

@@ -131,7 +131,7 @@ int run_one(const Arguments& arguments, const Setting& setting) {
   throw Error(ErrorCode::invalid_argument, "there is no check '" + arguments.at("--run") + "'");
 }
 
-/// Whether the check is for others: it goes wrong by design, or is what a profiler looks at.
+/// Returns true of a check that goes wrong by design, or that a profiler looks at.
 bool is_for_others(const Check& check) {
   return check.name.rfind("self/", 0) == 0 || check.name.rfind("profile/", 0) == 0;
 }
@@ -166,7 +166,7 @@ class Parent {
   Parent(const Arguments& arguments, const Setting& setting, char* self)
       : arguments_(arguments), setting_(setting), self_(self) {}
 
-  /// Those whose names begin with one of `only`, in the order of these, but with none of `skip`, until `end`.
+  /// Runs checks whose names begin with one of `only`, in the order of these, but with none of `skip`, until `end`.
   void run(const std::vector<std::string>& only, const std::vector<std::string>& skip, double end) {
     const std::vector<std::string> named = parts_of(arguments_.at("--only")),
                                    unwanted = parts_of(arguments_.at("--skip"));

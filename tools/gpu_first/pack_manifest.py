@@ -93,7 +93,7 @@ def main():
     if problems:
         shown = problems[:5] + ([f"and {len(problems) - 5} more"] if len(problems) > 5 else [])
         print(f"pack_manifest.py: the pack in {arguments.folder} was made of other sources; make it anew by "
-              "scripts/pack_for_gpu.sh, or remove it. What differs:\n  " + "\n  ".join(shown), file=sys.stderr)
+              "scripts/pack_for_gpu.sh, or remove it. Files that differ:\n  " + "\n  ".join(shown), file=sys.stderr)
     return 1 if problems else 0
 
 

@@ -6,7 +6,7 @@
 namespace stiction::gpu_first {
 
 /// Checks that have a share of the time. A phase ends when all phases up to it should have ended, so that it also has
-/// what those before it did not need. What then has not begun is left out.
+/// what those before it did not need. Checks that have not begun then are left out.
 struct Phase {
   const char* name;
   double seconds;

@@ -15,7 +15,7 @@ namespace stiction::gpu_first {
 /// A hash of each environment's answer, or of whatever else is compared one by one.
 using Hashes = std::vector<std::uint64_t>;
 
-/// What a line begins with that is shown at once.
+/// Beginning of a line that is shown at once.
 inline constexpr char kSaid[] = "> ";
 
 /// What the program was asked for.

@@ -8,7 +8,7 @@
 #include "tools/gpu_first/arrays.hpp"
 #include "tools/gpu_first/check.hpp"
 
-/// What the plan's first minutes are about: environments as J and M and as A, and their solves on a device.
+/// Cases of the plan's first minutes: environments as J and M and as A, and their solves on a device.
 namespace stiction::gpu_first {
 
 /// Names: recorded robots, and piles of 64 contacts that are made here.
@@ -17,7 +17,7 @@ inline constexpr const char* kRobots[] = {"g1", "humanoid", "leap_hand", "piles"
 /// How a batch is given.
 enum class RobotForm : unsigned char { jacobian, matrix };
 
-/// Environments, and where a warm solve of them starts. That is the answer of the same problem with each free velocity
+/// Environments, and the start of a warm solve of them. It is the answer of the same problem with each free velocity
 /// changed by 5 %, as in bench/peers/robots.py.
 struct RobotCase {
   std::string name;

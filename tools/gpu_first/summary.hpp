@@ -6,7 +6,7 @@
 
 namespace stiction::gpu_first {
 
-/// What a person reads first, in a few lines: numbers that checks said, by subject, and what went wrong.
+/// A few lines that a person reads first: numbers that checks said, by subject, and what went wrong.
 class Summary {
  public:
   static constexpr std::size_t kMostLines = 40;

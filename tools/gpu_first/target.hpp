@@ -23,7 +23,7 @@ class Target {
   [[nodiscard]] virtual std::shared_ptr<cuda::DeviceApi> api() const = 0;
   /// Whether there is a GPU, whose times mean something.
   [[nodiscard]] virtual bool is_native() const = 0;
-  /// Whether the kernel was compiled: a pack for few minutes leaves some out.
+  /// Returns true if the kernel was compiled: a pack for few minutes leaves some out.
   [[nodiscard]] virtual bool carries(const cuda::KernelRef&) const { return true; }
   /// What the device and its driver say of themselves.
   virtual void describe(JsonLine& line) const = 0;
@@ -31,7 +31,7 @@ class Target {
   virtual std::function<void()> capture(cuda::StreamHandle stream, const std::function<void()>& queue) = 0;
 };
 
-/// Whether all kernels of the solver were compiled; of auto, those of its fallback chain.
+/// Returns true if all kernels of the solver were compiled; for auto, those of its fallback chain.
 bool carries(const Target& target, SolverKind solver);
 
 /// A GPU, by its number. Null if this build has no CUDA. \throws Error(no_device) with the reason

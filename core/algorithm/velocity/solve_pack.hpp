@@ -60,8 +60,8 @@ template <class Types>
 using ListedCones = const SlotItem<typename Types::Set>* const*;
 
 /// run(envs, lists, counts) for up to kLanes environments, or parts of some, each of a size that lanes take; large ones
-/// alone, by memory.team(). Whether there was room for their lists, which memory.lists(bytes) is for; else it is not
-/// called.
+/// alone, by memory.team(). Returns false, and calls nothing, if their lists, in memory.lists(bytes), had no
+/// room.
 template <class Types, class Memory, class Run>
 STICTION_HD bool with_pack(const JacobianBatchView<typename Types::Real>& batch,
                            const LaneEnv<typename Types::Real>* members, Index count, Memory&& memory, Run&& run,

@@ -14,8 +14,8 @@
 
 namespace stiction::test {
 
-/// What launches depend on (NVIDIA, "CUDA C++ Programming Guide", technical specifications by compute capability). An
-/// H100 is as an H200.
+/// Facts that launches depend on (NVIDIA, "CUDA C++ Programming Guide", technical specifications by compute
+/// capability). An H100 is as an H200.
 struct Gpu {
   const char* name;
   int processors;                ///< multiprocessors

@@ -42,7 +42,7 @@ std::vector<Index> iterations_of(const World<Real>& world) {
   return iterations;
 }
 
-/// Of a scene that has come to rest, computed once for each scene and precision.
+/// Checkpoint of a scene that has come to rest, computed once for each scene and precision.
 template <class Real>
 const WorldCheckpoint<Real>& fallen(const std::string& scene) {
   static std::map<std::string, WorldCheckpoint<Real>> known;

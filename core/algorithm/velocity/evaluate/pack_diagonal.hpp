@@ -34,8 +34,8 @@ struct PackDiagonal {
   }
 
  private:
-  /// Of kRows rows of a slot from row `from` on: sum of (L^-T j)^2 / D, each element in turn along the root path. `x`
-  /// has room for them by depth.
+  /// Sums (L^-T j)^2 / D of kRows rows of a slot from row `from` on, each element in turn along the root path. `x` has
+  /// room for them by depth.
   template <int kRows, class Slot>
   STICTION_HD void find_of(const Slot& slot, Index from, const Doubles& x) const {
     const auto& tree = pack.tree;

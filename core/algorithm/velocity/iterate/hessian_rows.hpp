@@ -59,7 +59,7 @@ struct HessianRows {
     }
   }
 
-  /// Of rows `from` and on of a slot. Lanes of a team take a column each, and the same ones of every slot.
+  /// Adds rows `from` and on of a slot. Lanes of a team take a column each, and the same ones of every slot.
   template <bool kCone, int kRows, class SlotT>
   STICTION_HD void add_slot(const SlotT& slot, Index s, Index from) const {
     if constexpr (kIsAlone<decltype(terms.workspace.team())>) {

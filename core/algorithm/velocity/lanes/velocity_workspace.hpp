@@ -97,7 +97,7 @@ struct VelocityWorkspace {
     auto&& own = team();
     single(own, f);
   }
-  /// What holds on every lane of the team, on every lane.
+  /// on_all_lanes() of the team.
   template <class MaskT>
   [[nodiscard]] STICTION_HD MaskT all(MaskT mask) const {
     auto&& own = team();
