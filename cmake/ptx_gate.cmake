@@ -1,8 +1,11 @@
 # What the objects of a CUDA target must show, read from the objects themselves (tools/fatbin.py): nothing is compiled
 # a second time. Needs Python and no GPU.
 
+# nvcc 13 compresses PTX to a tenth by a method that tools/fatbin.py reads; older ones are to leave it as text.
+set(STICTION_READABLE_PTX "$<$<AND:$<COMPILE_LANGUAGE:CUDA>,$<VERSION_LESS:$<CUDA_COMPILER_VERSION>,13>>:--no-compress>")
+
 # stiction_keep_ptx(target architectures...): the target's objects hold, next to the machine code of each architecture,
-# the PTX it was made from, and hold it as text. nvcc writes that PTX anyway. For builds with tests; others do without.
+# the PTX it was made from. nvcc writes that PTX anyway. For builds with tests; others do without.
 function(stiction_keep_ptx target)
   set(real)
   set(virtual)
@@ -23,7 +26,7 @@ function(stiction_keep_ptx target)
   set(named ${real} ${virtual})
   set_target_properties(${target} PROPERTIES CUDA_ARCHITECTURES "${named}"
                                              STICTION_REAL_ARCHS "${real}" STICTION_PTX_ARCHS "${archs}")
-  target_compile_options(${target} PRIVATE "$<$<COMPILE_LANGUAGE:CUDA>:--no-compress>")
+  target_compile_options(${target} PRIVATE ${STICTION_READABLE_PTX})
 endfunction()
 
 # stiction_add_object_gates(target suffix budget): two tests over the target's objects. ptx_gate reads the PTX of every

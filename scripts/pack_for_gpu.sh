@@ -9,7 +9,7 @@
 #   hashes.csv       what the CPU answers
 #   run.sh           runs it all; manifest.txt says what sources it was made of
 #
-# Kernels are compiled at the lowest priority, and what was compiled before is kept. Kernels of three solvers that
+# Kernels are compiled at the lowest priority, and what was compiled before is kept. Kernels of two solvers that
 # auto never takes are left out for time (STICTION_PACK_WITHOUT, names of .cu files with commas between them). Then the pack
 # is tried: it is under 35 MB, unpacks, and finds its hashes on the CPU.
 set -euo pipefail
@@ -23,7 +23,7 @@ fi
 pack=${2:-$root/.carry}
 folder=${STICTION_PACK_DIR:-$root/build-carried}
 data=${STICTION_SHARED_DIR:-$root/../shared}/data/mujoco
-without=${STICTION_PACK_WITHOUT-cuda_pgs,cuda_jacobi,cuda_nsgs}
+without=${STICTION_PACK_WITHOUT-cuda_pgs,cuda_nsgs}
 most_bytes=35000000
 begin=$SECONDS
 mkdir -p "$pack" "$folder"

@@ -31,9 +31,8 @@ python3 "$root/tools/prebuilt_cuda.py" pack "$folder" "$archive" --nvcc "$nvcc" 
 note "$((SECONDS - begin)) s"
 
 # The needs of the solvers' machine code must not have grown (tests/ptx/README.md); a table of another nvcc is
-# skipped. nvcc compresses large objects, which cuobjdump reads (PyPI: nvidia-cuda-cuobjdump).
+# skipped.
 [ -z "$without" ] || exit 0
-command -v cuobjdump > /dev/null || { note "no cuobjdump: the budgets of the solvers are not compared"; exit 0; }
 mapfile -t solvers < <(printf '%s\n' "${objects[@]}" | grep stiction_cuda_translated | sed "s#^#$folder/#")
 status=0
 python3 "$root/tools/check_ptxas.py" --arch 90 --budget "$root/cuda/native/solver_budget.csv" --compiler "$nvcc" "${solvers[@]}" ||

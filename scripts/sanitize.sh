@@ -19,7 +19,7 @@ case $kind in
     # Checks as calls, and none of the stack: else a kernel takes four times as long to compile. The fuzzers' build checks
     # the stack, and undefined behaviour in kernels.
     # Scratch holds other numbers every time: what is read before it is written shows where bits are compared.
-    # Packs of 32 bytes are those for AVX2. Those of 16, and as wide as those for AVX-512, are tests' own.
+    # Packs of 32 bytes are those for AVX2. Packs as wide as those for AVX-512 are tests' own.
     options+=(-DSTICTION_ENABLE_AVX512=OFF -DSTICTION_CPU_KERNELS=native
       "-DSTICTION_LIBRARY_OPTIONS=-O1;-g1;-fno-omit-frame-pointer;-fsanitize=address;SHELL:--param asan-instrumentation-with-call-threshold=0;SHELL:--param asan-stack=0;-DSTICTION_NOISY_SCRATCH"
       "-DSTICTION_CORE_OPTIONS=-fsanitize=undefined;-fno-sanitize-recover=all"

@@ -72,7 +72,8 @@ say "wheel: build"
 if command -v ccache > /dev/null; then export CMAKE_CXX_COMPILER_LAUNCHER=ccache; fi
 # It counts a compiler of another name as another one, and pip would ask for Python's.
 export CXX=${CXX:-c++}
-shared=(-C build-dir="$objects" -C cmake.define.STICTION_WARNINGS_AS_ERRORS=ON)
+shared=(-C build-dir="$objects" -C cmake.define.STICTION_WARNINGS_AS_ERRORS=ON
+  -C "cmake.define.STICTION_KEEP_LINES=${STICTION_KEEP_LINES:-AUTO}")
 log=$work/build.log
 if ! "${pip[@]}" wheel -v --no-deps -w "$work/wheels" "${shared[@]}" "$@" "$source" 2>&1 | tee "$log" | only_progress=1 show_progress; then
   tail -n 60 "$log"

@@ -16,11 +16,9 @@ import csv
 import io
 import pathlib
 import re
-import shutil
 import struct
 import subprocess
 import sys
-import tempfile
 
 import fatbin
 
@@ -45,26 +43,12 @@ def readable(names):
     return short
 
 
-def machine_code(path):
-    """The machine code in an object; compressed, by NVIDIA's cuobjdump where that is found."""
-    try:
-        return fatbin.images(path.read_bytes(), path.name, fatbin.ELF)
-    except fatbin.Compressed:
-        program = shutil.which("cuobjdump")
-        if program is None:
-            raise
-        with tempfile.TemporaryDirectory() as folder:
-            subprocess.run([program, "--extract-elf", "all", path.resolve()], cwd=folder, check=True, capture_output=True)
-            return [fatbin.Image(re.search(r"sm_(\d+)", file.name).group(1), file.read_bytes())
-                    for file in sorted(pathlib.Path(folder).iterdir())]
-
-
 def read_objects(objects, archs):
     """({(kernel, arch): fatbin.Kernel}, bytes of machine code by architecture, problems)."""
     found, sizes, problems = {}, dict.fromkeys(archs, 0), []
     for path in objects:
         try:
-            cubins = machine_code(path)
+            cubins = fatbin.images(path.read_bytes(), path.name, fatbin.ELF)
             for arch in archs:
                 own = [k for image in cubins if image.arch == arch for k in fatbin.kernels(image.payload, path.name)]
                 if not own:
@@ -141,10 +125,15 @@ def planted_cubin(registers, stack, code):
     return head + body + headers
 
 
-def planted_object(cubin, flags=0):
-    entry = struct.pack("<HHIQ", fatbin.ELF, 0x101, 64, len(cubin)) + bytes(12) + struct.pack("<I", 90) + bytes(8)
-    image = entry + struct.pack("<Q", flags) + bytes(16) + cubin
+def planted_object(cubin, flags=0, whole=0):
+    entry = struct.pack("<HHIQ", fatbin.ELF, 0x101, 64, len(cubin)) + struct.pack("<IIIII", len(cubin), 0, 0, 90, 0) + bytes(4)
+    image = entry + struct.pack("<QQQ", flags, 0, whole) + cubin
     return b"object" + struct.pack("<IHHQ", fatbin.FATBIN_MAGIC, 1, 16, len(image)) + image
+
+
+def zstd_frame(content):
+    """Of one block that is stored as it is (RFC 8878, 3.1.1)."""
+    return struct.pack("<IBI", 0xFD2FB528, 0xA0, len(content)) + (len(content) << 3 | 1).to_bytes(3, "little") + content
 
 
 def self_test():
@@ -169,6 +158,9 @@ def self_test():
     if row_of(("k", "90"), found[("k", "90")]) != ["k", "90", 40, 16, 1, 1, 1, 1, 1, 1, 20]:
         print(f"self-test: read {found}")
         failed += 1
+    cubin = planted_cubin(40, 16, code)
+    image, = fatbin.images(planted_object(zstd_frame(cubin), fatbin.ZSTD, len(cubin)), "planted", fatbin.ELF)
+    expect("compressed", image.payload != cubin, False)
     text = write_table(found, {"90": 4096}, "13.0.88")
     compiler, budget = read_table(text)
     expect("the compiler's version", compiler != "13.0.88", False)
@@ -184,7 +176,9 @@ def self_test():
     expect("a kernel without a line", compare({**found, ("l", "90"): found[("k", "90")]}, budget, ["90"]), True)
     expect("a line without a kernel", compare({}, budget, ["90"]), True)
     expect("a line of an architecture that is not built", compare({}, budget, ["80"]), False)
-    for what, data in [("compressed", planted_object(planted_cubin(40, 16, code), fatbin.COMPRESSED)),
+    for what, data in [("compressed by another method", planted_object(cubin, fatbin.COMPRESSED & ~fatbin.ZSTD)),
+                       ("damaged", planted_object(zstd_frame(cubin)[1:], fatbin.ZSTD, len(cubin))),
+                       ("too long", planted_object(zstd_frame(cubin), fatbin.ZSTD, len(cubin) + 1)),
                        ("another layout", planted_object(bytes(200))),
                        ("no attributes", planted_object(planted_cubin(40, 16, code).replace(
                            struct.pack("<BBHI", 4, fatbin.REGCOUNT, 8, 1), struct.pack("<BBHI", 4, 1, 8, 1))))]:

@@ -6,12 +6,17 @@ that a layout of another toolkit is an error and not a wrong number.
 """
 
 import collections
+import ctypes
+import ctypes.util
 import dataclasses
+import functools
 import struct
 
 FATBIN_MAGIC = 0xBA55ED50
 PTX, ELF = 1, 2
 COMPRESSED = 0xE000  # bits of an image's flags: some method of compression
+ZSTD = 0x8000  # nvcc 13's, a frame of Zstandard (RFC 8878)
+LARGEST_IMAGE = 1 << 30  # bytes
 EM_CUDA = 190
 KERNEL = 0x10  # a symbol's st_other
 STT_FUNC = 2
@@ -31,10 +36,6 @@ OPERATIONS = {
 
 class FatbinError(Exception):
     """What is wrong with an object, in a sentence."""
-
-
-class Compressed(FatbinError):
-    """Its code is compressed, by a method that NVIDIA does not document."""
 
 
 @dataclasses.dataclass
@@ -58,6 +59,42 @@ class Kernel:
     bytes: int
 
 
+@functools.cache
+def libzstd():
+    """The system's library, or None."""
+    name = ctypes.util.find_library("zstd")
+    if name is None:
+        return None
+    library = ctypes.CDLL(name)
+    library.ZSTD_decompress.restype = ctypes.c_size_t
+    library.ZSTD_decompress.argtypes = [ctypes.c_void_p, ctypes.c_size_t, ctypes.c_char_p, ctypes.c_size_t]
+    return library
+
+
+def decompress(frame, size, label):
+    """The `size` bytes in a frame of Zstandard (RFC 8878)."""
+    library = libzstd()
+    if library is None:
+        raise FatbinError(f"{label}: its device code is compressed and there is no libzstd; install it or compile with --no-compress")
+    payload = ctypes.create_string_buffer(size)
+    if library.ZSTD_decompress(payload, size, frame, len(frame)) != size:
+        raise FatbinError(f"{label}: its compressed device code is damaged")
+    return payload.raw
+
+
+def payload_of(image, flags, label):
+    """The code of one image, whose compressed size and whole size stand in its header."""
+    header, _, compressed = struct.unpack_from("<IQI", image, 4)
+    if not flags & COMPRESSED:
+        return image[header:]
+    if flags & COMPRESSED != ZSTD or header < 64 or header + compressed > len(image):
+        raise FatbinError(f"{label}: its device code is compressed by another method than nvcc 13's; compile with --no-compress")
+    (size,) = struct.unpack_from("<Q", image, 56)
+    if size > LARGEST_IMAGE:
+        raise FatbinError(f"{label}: the container of the device code has another layout than is known here")
+    return decompress(image[header:header + compressed], size, label)
+
+
 def images(data, label, wanted):
     """Every image of that kind in an object file."""
     found = []
@@ -76,9 +113,7 @@ def images(data, label, wanted):
             if header < 48 or at + header + size > end:
                 raise FatbinError(f"{label}: the container of the device code has another layout than is known here")
             if kind == wanted:
-                if flags & COMPRESSED:
-                    raise Compressed(f"{label}: its device code is compressed; compile with --no-compress, or have cuobjdump on PATH")
-                found.append(Image(str(arch), data[at + header:at + header + size]))
+                found.append(Image(str(arch), payload_of(data[at:at + header + size], flags, label)))
             at += header + size
         begin = data.find(struct.pack("<I", FATBIN_MAGIC), end)
     return found
