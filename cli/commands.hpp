@@ -52,14 +52,16 @@ struct SolveArguments {
   std::string form = "matrix";  ///< what is solved of the file: matrix (A), jacobian (J and M), or bodies (of J and M)
   std::string islands = "together";
   std::string choose = "named";
+  std::string blocks = "cones";
   std::optional<double> tolerance;
   double absolute_tolerance = 0.0;
   std::optional<Index> max_iterations;
   double omega = 1.0;
   Index direct_rows = SolverOptions{}.direct_rows;
   int threads = 0;
-  int repeat = 1;   ///< solves, of which the shortest is reported
-  int pyramid = 0;  ///< sides of the pyramids that replace friction cones; 0: cones stay
+  int repeat = 1;             ///< solves, of which the shortest is reported
+  int pyramid = 0;            ///< sides of the pyramids that replace friction cones; 0: cones stay
+  bool asynchronous = false;  ///< sweeps of bodies by threads that wait for no colour
   bool isolate = false;
   bool quiet = false;
   std::optional<std::uint64_t> permute;

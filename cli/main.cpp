@@ -70,6 +70,8 @@ void declare_solve(CLI::App& app, SolveArguments& a) {
       ->capture_default_str();
   app.add_option("--choose", a.choose, "named: --solver; spectrum: by condition and density of each environment's A")
       ->capture_default_str();
+  app.add_option("--blocks", a.blocks, "Of pgs, npgs, nsgs: contacts a sweep solves together: cones, pairs or strong")
+      ->capture_default_str();
   app.add_option("--tolerance", a.tolerance, "On the relative residual; 0: run all iterations [1e-4]");
   app.add_option("--absolute-tolerance", a.absolute_tolerance, "On the largest error of a contact, in units of b")
       ->capture_default_str();
@@ -88,6 +90,8 @@ void declare_solve(CLI::App& app, SolveArguments& a) {
   app.add_option("--shard", a.shard,
                  "I/N: solve part I of N of the environments, I from 0; stiction merge joins parts");
   app.add_option("--warm-start", a.warm_start, "Solution file to start from");
+  app.add_flag("--asynchronous", a.asynchronous,
+               "Of --form bodies by sweeps, law convex: threads wait for no colour, and bits are others each time");
   app.add_flag("--isolate", a.isolate, "Flag environments with broken numbers and solve the others");
   app.add_option("-o,--output", a.output, "Solution file to write");
   app.add_option("--json", a.json, "JSON report to write; - is standard output");

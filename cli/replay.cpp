@@ -28,6 +28,7 @@ SolverOptions options_of(const io::RecordedSolve& recorded, int threads) {
   options.max_iterations = recorded.max_iterations;
   options.stall_window = recorded.stall_window;
   options.islands = recorded.islands;
+  options.blocks = recorded.blocks;
   options.direct_rows = recorded.direct_rows;
   options.choose = recorded.choose;
   options.spectrum = recorded.spectrum;

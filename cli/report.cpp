@@ -94,10 +94,13 @@ std::string to_json(const SolveReport& report) {
       {"hash", hex(report.hash)},
       {"epoch", kNumericsEpoch}};
   if (report.options.islands != IslandMode::together) json["islands"] = to_string(report.options.islands);
+  if (report.options.blocks != BlockMode::cones) json["blocks"] = to_string(report.options.blocks);
   if (report.options.direct_rows != SolverOptions{}.direct_rows) json["direct_rows"] = report.options.direct_rows;
   if (report.pyramid > 0) json["pyramid"] = report.pyramid;
   if (report.form != "matrix") json["form"] = report.form;
   if (!report.preconditioner.empty()) json["preconditioner"] = report.preconditioner;
+  if (report.asynchronous) json["asynchronous"] = true;
+  if (report.asynchronous) json["reproducible"] = false;
   if (report.shard)
     json["shard"] = {{"index", report.shard->index},
                      {"count", report.shard->count},
@@ -121,7 +124,9 @@ std::string to_text(const SolveReport& report) {
   line("solver", fmt::format("{}, tolerance {:g}, at most {} iterations", report.solver, report.options.tolerance,
                              report.options.max_iterations));
   if (!report.preconditioner.empty()) line("preconditioner", report.preconditioner);
+  if (report.asynchronous) line("asynchronous", "not reproducible");
   if (report.options.islands != IslandMode::together) line("islands", to_string(report.options.islands));
+  if (report.options.blocks != BlockMode::cones) line("blocks", to_string(report.options.blocks));
   line("law", to_string(report.law));
   if (report.pyramid > 0)
     line("pyramid", fmt::format("{} sides; residuals are those of the pyramids, whose law is convex", report.pyramid));

@@ -37,6 +37,7 @@ struct SolveReport {
   std::string form = "matrix";             ///< what was solved: matrix, jacobian or bodies
   std::string solver;                      ///< its name
   std::string preconditioner{};            ///< of bodies' Newton's method, empty: none
+  bool asynchronous = false;               ///< whether threads waited for no colour
   int pyramid = 0;                         ///< sides of the pyramids that were solved; 0: the cones themselves
   std::optional<io::SolutionShard> shard;  ///< which part of the file's environments was solved, where not all were
   Offset environments = 0, rows = 0, cones = 0;

@@ -79,11 +79,12 @@ std::string options_text(const SolveArguments& arguments, const SolveReport& rep
   const auto yes = [](bool value) { return value ? "yes" : "no"; };
   return fmt::format(
       "epoch={} solver={} preconditioner={} precision={} law={} form={} islands={} tolerance={} absolute_tolerance={} "
-      "max_iterations={} omega={} direct_rows={} pyramid={} isolate={} warm_start={}",
+      "max_iterations={} omega={} direct_rows={} pyramid={} isolate={} warm_start={}{}",
       kNumericsEpoch, report.solver, report.preconditioner.empty() ? "none" : report.preconditioner,
       to_string(report.precision), to_string(report.law), report.form, to_string(options.islands), options.tolerance,
       options.absolute_tolerance, options.max_iterations, options.omega, options.direct_rows, report.pyramid,
-      yes(arguments.isolate), warm_start.empty() ? "none" : hex(hash_bits(std::span<const double>(warm_start))));
+      yes(arguments.isolate), warm_start.empty() ? "none" : hex(hash_bits(std::span<const double>(warm_start))),
+      options.blocks == BlockMode::cones ? "" : fmt::format(" blocks={}", to_string(options.blocks)));
 }
 
 }  // namespace

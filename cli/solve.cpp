@@ -208,6 +208,7 @@ int run_solve(const SolveArguments& arguments) {
   if (report.options.choose == SolverChoice::spectrum) report.solver = to_string(report.options.choose);
   if (report.form == "bodies" && report.solver == "newton")
     report.preconditioner = to_string(body_options(arguments, report.options, Law::convex).space.preconditioner);
+  report.asynchronous = arguments.asynchronous;
   report.precision = precision_from_option(arguments.precision);
   report.shard = shard_from_option(arguments.shard);
   check_solve_arguments(arguments);

@@ -34,6 +34,7 @@ SolverOptions solver_options(const SolveArguments& arguments) {
   options.direct_rows = arguments.direct_rows;
   options.islands = island_mode_from_string(arguments.islands);
   options.choose = solver_choice_from_string(arguments.choose);
+  options.blocks = block_mode_from_string(arguments.blocks);
   options.threads = arguments.threads;
   options.invalid = arguments.isolate ? InvalidPolicy::isolate : InvalidPolicy::reject;
   return options;
@@ -47,6 +48,7 @@ BodySolverOptions body_options(const SolveArguments& arguments, const SolverOpti
   options.absolute_tolerance = common.absolute_tolerance;
   options.iterations = common.max_iterations;
   options.omega = common.omega;
+  options.asynchronous = arguments.asynchronous;
   options.threads = common.threads;
   options.invalid = common.invalid;
   return options;
@@ -89,13 +91,20 @@ void check_form(const SolveArguments& arguments) {
     throw Error(ErrorCode::invalid_argument,
                 fmt::format("--preconditioner {} applies to bodies only: choose --form bodies --solver newton",
                             *arguments.preconditioner));
+  if (arguments.asynchronous && (!is_bodies(arguments) || arguments.shard))
+    throw Error(ErrorCode::invalid_argument,
+                arguments.shard ? "--asynchronous and --shard exclude one another, since merged parts have the bits of "
+                                  "one solve: leave one of them out"
+                                : "--asynchronous applies to sweeps of bodies only: choose --form bodies --solver si");
   if (!takes_jacobian(arguments)) return;
   if (is_bodies(arguments)) {
     body_options(arguments, SolverOptions{}, Law::convex);
-    if (arguments.preset || arguments.islands != "together")
+    std::string excluded = arguments.preset ? "--preset" : "";
+    if (arguments.islands != "together") excluded = "--islands apart";
+    if (arguments.blocks != "cones") excluded = "--blocks " + arguments.blocks;
+    if (!excluded.empty())
       throw Error(ErrorCode::invalid_argument,
-                  fmt::format("--form bodies and {} exclude one another: leave one of them out",
-                              arguments.preset ? "--preset" : "--islands apart"));
+                  fmt::format("--form bodies and {} exclude one another: leave one of them out", excluded));
   }
   const char* other = arguments.pyramid > 0 ? "--pyramid" : arguments.record ? "--record" : nullptr;
   if (arguments.convergence) other = "--convergence";

@@ -12,7 +12,7 @@ import sys
 from lint_tools import ROOT, SKIPPED, find, missing
 
 SUFFIXES = {".md", ".py", ".hpp", ".cpp", ".cu", ".cuh", ".h", ".c", ".cmake", ".sh", ".txt", ".toml", ".yml"}
-KNOWN = "atmost,commun,datas,fro,kinf,numer,suh"  # identifiers, journals and persons
+KNOWN = "atmost,commun,datas,fro,kinf,numer,reacher,suh"  # identifiers, models, journals and persons
 
 
 def main():

@@ -110,12 +110,23 @@ class Module:
                 f"const u32 access_bytes[] = {{{', '.join(sites + ['0'])}}};",
                 "const TracedCode code{functions, pieces, access_bytes};"]
 
+    def without_templates(self):
+        """Names for the templates that are called most: lines, and the functions, which call these. To find the arguments
+        of a template GCC puts aside every name of the function that calls it, and a kernel has thousands."""
+        wanted = re.compile(r"\b(load|store|fused|bits_as|shift_left|shift_right|larger|smaller)<(\w+)>\(")
+        found = sorted({match for body in self.bodies for match in wanted.findall(body)})
+        other = {"double": "u64", "float": "u32", "u64": "double", "u32": "float"}
+        names = [f"constexpr auto& {name}_{kind} = {name}<{kind}{', ' + other[kind] if name == 'bits_as' else ''}>;"
+                 for name, kind in found]
+        return names, [wanted.sub(r"\1_\2(", body) for body in self.bodies]
+
     def cpp_text(self):
+        names, bodies = self.without_templates()
         lines = ["// Made by tools/ptx_to_cpp.py.", '#include "tests/ptx/operations.hpp"', "",
                  "namespace stiction::ptx {", "namespace {", ""]
         if self.traced is not None:
             lines.insert(2, '#include "tests/ptx/trace.hpp"')
-        lines += self.globals + [prototype + ";" for prototype in self.prototypes] + self.bodies
+        lines += names + self.globals + [prototype + ";" for prototype in self.prototypes] + bodies
         if self.traced is not None:
             lines += self.traced_text()
         for i, (name, given, most) in enumerate(self.kernels):
@@ -150,10 +161,10 @@ def self_test():
     wrong = ["ex2.approx.f32 %f1, %f2;", "add.f32 %f1, %f2, %f3;", "fma.rz.f32 %f1, %f2, %f3, %f1;", "add.rn.ftz.f32 %f1, %f2, %f3;",
              "cvt.rni.s32.f32 %r1, %f1;", "bar.sync 1;", "shfl.sync.down.b32 %r1|%p1, %r2, 1, 31, -1;", "vote.sync.all.pred %p1, %p2, -1;",
              "mov.u32 %r1, %clock;", "add.s32 %r1, %r9, 1;", "atom.global.cas.b32 %r1, [%rd1], %r2, %r3;"]
-    right = {"add.rn.f32 %f1, %f2, 0f3F800000;": "f1 = (f2 + bits_as<float>(0x3F800000U));",
+    right = {"add.rn.f32 %f1, %f2, 0f3F800000;": "f1 = (f2 + bits_as_float(0x3F800000U));",
              "@!%p1 bra $L_1; $L_1: ret;": "if (!p1) { goto _L_1; }",
              "setp.ne.f32 %p1, %f1, %f2;": "p1 = (f1 < f2 || f1 > f2);",
-             "ld.shared.u32 %r1, [%rd1+-8];": "r1 = load<u32>(lane.shared_address((rd1 + u64(-8LL))));",
+             "ld.shared.u32 %r1, [%rd1+-8];": "r1 = load_u32(lane.shared_address((rd1 + u64(-8LL))));",
              "mul.wide.s32 %rd1, %r1, 8;": "rd1 = u64(i64(i64(i32(r1)) * i64(i32(8ULL))));"}
     failed = 0
     for code in wrong:

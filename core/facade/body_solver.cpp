@@ -64,6 +64,22 @@ void check_space_options(const BodySpaceOptions& space, bool is_used) {
                                             "build has");
 }
 
+/// Sweeps that do not wait are of threads, and converge for convex problems alone.
+void check_asynchronous(const BodySolverOptions& options, Device device) {
+  if (!options.asynchronous) return;
+  const auto refuse_with = [](const std::string& why) {
+    throw Error(ErrorCode::unsupported, "asynchronous = true with " + why + ", or asynchronous = false");
+  };
+  if (device.kind != DeviceKind::cpu) refuse_with("a GPU: its lanes wait for colours; choose Device::cpu()");
+  if (options.method != BodyMethod::impulses)
+    refuse_with("method = newton: only sweeps can do without waiting; choose BodyMethod::impulses");
+  if (options.box_friction || options.law != Law::convex)
+    refuse_with((options.box_friction ? "box_friction = true" : "law = coulomb") +
+                std::string(": such sweeps converge for convex problems alone; choose Law::convex"));
+  if (options.substeps != 1)
+    refuse_with("substeps = " + std::to_string(options.substeps) + ": their sweeps are of fixed number; choose 1");
+}
+
 /// Sweeps of a step that EnvStatus can count.
 constexpr Offset kMostSweeps = 1'000'000'000;
 
@@ -163,6 +179,7 @@ BodySolver::BodySolver(Device device, const TimeStepping& stepping, const BodySo
   const ScopedFpEnv fp_env;
   check_stepping(stepping);
   check_body_options(options);
+  check_asynchronous(options, device);
   machine_ = make_machine(device);
 }
 BodySolver::~BodySolver() = default;

@@ -64,4 +64,16 @@ class EnvSubset {
   Solution<Real> answer_;         ///< w is empty where it is not wanted
 };
 
+/// Copies an answer. Rows of padded arrays that are not in use are the caller's.
+template <class Real>
+void write_used_rows(const ContactBatchView<Real>& batch, const SolutionView<Real>& from,
+                     const SolutionView<Real>& to) {
+  for (Offset env = 0; env < batch.env_count; ++env) {
+    const Offset row = batch.env_row_offsets[env];
+    std::copy_n(from.lambda + row, batch.env_rows(env), to.lambda + row);
+    if (to.w != nullptr) std::copy_n(from.w + row, batch.env_rows(env), to.w + row);
+    to.status[env] = from.status[env];
+  }
+}
+
 }  // namespace stiction

@@ -19,10 +19,11 @@ void solve_jacobian(JacobianMachine<Real>& machine, const Solver& solver, const 
   const bool all_solved = takes_newton(options) && traced("velocity_newton", [&] {
                             return machine.solve_velocities(newton_job(batch, options, solution, start), stream);
                           });
-  if (!all_solved) {
-    const ContactBatchView<Real> rest = traced("assemble", [&] { return machine.assemble(batch, stream); });
-    if (rest.env_count > 0) solver.solve(rest, SolutionView<Real>(solution), start.reactions, stream);
-  }
+  if (!all_solved)
+    machine.queue_rest(batch, stream, [&](StreamRef own) {
+      const ContactBatchView<Real> rest = traced("assemble", [&] { return machine.assemble(batch, own); });
+      if (rest.env_count > 0) solver.solve(rest, SolutionView<Real>(solution), start.reactions, own);
+    });
   machine.write(batch, solution, stream);
 }
 

@@ -5,6 +5,7 @@
 
 #include "core/base/extents.hpp"
 #include "core/base/fp_env.hpp"
+#include "core/facade/batch_in_blocks.hpp"
 #include "core/facade/broken_columns.hpp"
 #include "core/facade/env_subset.hpp"
 #include "core/facade/host_copy.hpp"
@@ -84,18 +85,6 @@ const char* solve_span(const ContactBatchView<Real>& batch) {
   return batch.space == MemorySpace::host ? "solve" : "queue";
 }
 
-/// Copies an answer. Rows of padded arrays that are not in use are the caller's.
-template <class Real>
-void write_used_rows(const ContactBatchView<Real>& batch, const SolutionView<Real>& from,
-                     const SolutionView<Real>& to) {
-  for (Offset env = 0; env < batch.env_count; ++env) {
-    const Offset row = batch.env_row_offsets[env];
-    std::copy_n(from.lambda + row, batch.env_rows(env), to.lambda + row);
-    if (to.w != nullptr) std::copy_n(from.w + row, batch.env_rows(env), to.w + row);
-    to.status[env] = from.status[env];
-  }
-}
-
 /// Work on a batch on the host, among the threads that its solve may use.
 ParallelFor sharing(ContactMachine& machine, const SolverOptions& options) {
   return [&machine, threads = options.threads](Offset count, const std::function<void(Offset, Offset)>& work) {
@@ -139,7 +128,10 @@ Plan Solver::plan(const ContactBatchView<Real>& batch, StreamRef stream) const {
   if (batch.space == MemorySpace::host) {
     const ParallelFor parallel_for = sharing(*machine_, options_);
     reject(validate_structure(batch, 1, parallel_for));
-    return Plan(std::make_shared<const PlanData>(make_plan(batch, parallel_for)));
+    BatchInBlocks<Real> blocks(batch, options_, nullptr, parallel_for);
+    PlanData data = make_plan(blocks.view(), parallel_for);
+    data.block_places = std::move(blocks.places());
+    return Plan(std::make_shared<const PlanData>(std::move(data)));
   }
   check_space(batch.space, device_);
   const HostCopy<Real> host(batch, false, *machine_, stream);
@@ -180,7 +172,8 @@ void Solver::solve(const Plan& plan, const ContactBatchView<Real>& batch, const 
     defects = validate_structure(isolated->view(), 1, parallel_for, &full_rows);
     reject(defects);
   }
-  const ContactBatchView<Real>& sound = isolated ? isolated->view() : batch;
+  const ContactBatchView<Real> sound = with_block_visits(isolated ? isolated->view() : batch, options_);
+  require_plan_of_blocks(data, options_);
   if (!fits(data, sound, parallel_for))
     refuse(
         "plan was made for environments of other sizes or cones than the batch's, though the totals agree: make a new "
@@ -281,11 +274,13 @@ template <class Real>
 void Solver::run(const SolverOptions& options, const PlanData* plan, const ContactBatchView<Real>& batch,
                  const SolutionView<Real>& solution, const Real* warm_start, StreamRef stream,
                  const std::vector<FullRows>* full_rows) const {
+  const ParallelFor parallel_for = sharing(*machine_, options);
+  const BatchInBlocks<Real> blocks(batch, options, plan == nullptr ? nullptr : &plan->block_places, parallel_for);
   std::optional<PlanData> made;
   if (plan == nullptr && device_.kind == DeviceKind::cpu)
-    plan = &made.emplace(traced_plan(batch, sharing(*machine_, options), options.tracer));
-  machine_->solve(SolveRequest<Real>{plan, batch, solution, warm_start, options.law.value_or(batch.law), options,
-                                     stream, full_rows});
+    plan = &made.emplace(traced_plan(blocks.view(), parallel_for, options.tracer));
+  machine_->solve(SolveRequest<Real>{plan, blocks.view(), solution, warm_start, options.law.value_or(batch.law),
+                                     options, stream, full_rows});
 }
 
 template <class Real>

@@ -23,13 +23,14 @@ SolverKind read_solver(const InputFile& file) {
 }
 
 /// Files written before there was a choice say nothing, and so do those of the mode there was.
-IslandMode read_islands(const InputFile& file) {
-  if (!file.has("solve/islands")) return IslandMode::together;
-  const std::string name = file.strings("solve/islands", 1).front();
+template <class Mode>
+Mode read_mode(const InputFile& file, const char* path, Mode before, Mode (*from_string)(const std::string&)) {
+  if (!file.has(path)) return before;
+  const std::string name = file.strings(path, 1).front();
   try {
-    return island_mode_from_string(name);
+    return from_string(name);
   } catch (const Error& error) {
-    file.refuse_dataset("solve/islands", std::string("names no mode: ") + error.what());
+    file.refuse_dataset(path, std::string("names no mode: ") + error.what());
   }
 }
 
@@ -87,7 +88,8 @@ std::optional<RecordedSolve> read_recorded_solve(const InputFile& file, std::siz
   if (!file.has("solve")) return std::nullopt;
   RecordedSolve solve;
   solve.solver = read_solver(file);
-  solve.islands = read_islands(file);
+  solve.islands = read_mode(file, "solve/islands", IslandMode::together, island_mode_from_string);
+  solve.blocks = read_mode(file, "solve/blocks", BlockMode::cones, block_mode_from_string);
   solve.form = read_form(file);
   solve.lambda = file.reals("solve/lambda", rows);
   solve.precision = file.is_single("solve/lambda") ? Precision::f32 : Precision::f64;
@@ -120,6 +122,7 @@ void write_recorded_solve(OutputFile& file, const RecordedSolve& solve) {
   file.group("solve");
   file.strings("solve/solver", {to_string(solve.solver)});
   if (solve.islands != IslandMode::together) file.strings("solve/islands", {to_string(solve.islands)});
+  if (solve.blocks != BlockMode::cones) file.strings("solve/blocks", {to_string(solve.blocks)});
   for (const auto& [form, name] : kForms)
     if (solve.form == form) file.strings("solve/form", {name});
   file.reals("solve/lambda", solve.lambda, solve.precision);

@@ -141,7 +141,7 @@ void Recorder::require_same(const RecordedSolve& solve, Law law) const {
                     before.tolerance == solve.tolerance && before.absolute_tolerance == solve.absolute_tolerance &&
                     before.omega == solve.omega && before.max_iterations == solve.max_iterations &&
                     before.stall_window == solve.stall_window && before.direct_rows == solve.direct_rows &&
-                    before.islands == solve.islands && before.choose == solve.choose &&
+                    before.islands == solve.islands && before.blocks == solve.blocks && before.choose == solve.choose &&
                     before.spectrum == solve.spectrum && recording_.batch.law() == law;
   if (same) return;
   throw Error(ErrorCode::invalid_argument,
@@ -186,6 +186,7 @@ RecordedSolve Recorder::describe(const SolverOptions& options, Precision precisi
   solve.stall_window = options.stall_window;
   solve.direct_rows = options.direct_rows;
   solve.islands = options.islands;
+  solve.blocks = options.blocks;
   solve.choose = options.choose;
   if (options.choose == SolverChoice::spectrum) {
     if (options.spectrum.keep)

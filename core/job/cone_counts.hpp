@@ -25,10 +25,10 @@ STICTION_HD constexpr EnvPath choose_path(Offset n, Offset nnz) {
   return n <= 1024 && 4 * nnz >= n * n ? EnvPath::dense : EnvPath::sparse;
 }
 
-/// The path of an environment that may have cones of semidefinite. Those are never solved densely, since projecting
-/// them is long code. Packs and a GPU's small teams, which dense systems run on, stay without it.
-STICTION_HD constexpr EnvPath choose_path(Offset n, Offset nnz, bool has_semidefinite) {
-  return has_semidefinite && n > 0 ? EnvPath::sparse : choose_path(n, nnz);
+/// The path of an environment that may have cones of semidefinite, which are never solved densely, since they are long
+/// code. Packs and a GPU's small teams, which dense systems run on, stay without it.
+STICTION_HD constexpr EnvPath choose_path(Offset n, Offset nnz, bool is_never_dense) {
+  return is_never_dense && n > 0 ? EnvPath::sparse : choose_path(n, nnz);
 }
 
 /// How many cones of each kind an environment has. In canonical order cones are sorted by kind and row count (free,

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <memory>
 
 #include "core/job/jacobian_job.hpp"
@@ -19,8 +20,8 @@ template <class Real>
 void check_structure(const JacobianBatchView<Real>& batch);
 
 /// Solves Jacobian batches on one machine, in arrays of its own; everything was checked before. A solve calls
-/// solve_velocities() if Newton's method in velocities is asked for, then assemble(), then a contact machine, then
-/// write().
+/// solve_velocities() if Newton's method in velocities is asked for, then queue_rest() with assemble() and a contact
+/// machine, then write().
 template <class Real>
 class JacobianMachine {
  public:
@@ -28,6 +29,12 @@ class JacobianMachine {
   /// Solves environments of a shape that Newton's method in velocities supports, and keeps their answers until write().
   /// Returns true if all are known to be solved: then nothing is assembled.
   virtual bool solve_velocities(const VelocityJob<Real>& job, StreamRef stream) = 0;
+  /// Calls `rest`, which assembles and solves what has no answer yet, by work that it queues on the stream that it is
+  /// given. A device may leave that work out where solve_velocities() has solved all.
+  virtual void queue_rest(const JacobianBatchView<Real>&, StreamRef stream,
+                          const std::function<void(StreamRef)>& rest) {
+    rest(stream);
+  }
   /// Returns the contact batch, valid in the order of `stream` until the next call. Environments that
   /// solve_velocities() has solved have no rows in it.
   virtual ContactBatchView<Real> assemble(const JacobianBatchView<Real>& batch, StreamRef stream) = 0;

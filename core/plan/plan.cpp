@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "core/base/extents.hpp"
+#include "core/job/cone_blocks.hpp"
 #include "core/plan/color.hpp"
 
 namespace stiction {
@@ -83,8 +84,12 @@ ConeCounts count_cones(const EnvStructure& env) {
   return counts;
 }
 
-/// Cones by kind and row count, stably: each goes behind those of its shape that came before.
+/// Cones by kind and row count: each goes behind those of its shape that came before, or to its place among blocks.
 void write_canonical_order(const EnvStructure& env, const ConeCounts& counts, Index* cone_order) {
+  if (env.all.block_visits > 1) {
+    for (Index c = 0; c < env.cones; ++c) cone_order[place_of(env.group(c))] = c;
+    return;
+  }
   const auto shape_of = [&](Index c) { return stiction::shape_of(env.kind(c), env.cone_rows(c)); };
   // Cones that are all alike are in that order already.
   if (env.cones == 0 || shape_count(counts, shape_of(0)) == env.cones) {
@@ -118,7 +123,7 @@ class SparsePlanner {
     Index* const cone_order = plan.cone_order.data() + env.first_cone;
     plan.vertex_offsets.push_back(0);
     for (const Index v : order_) {
-      for (Index c = vertex_begin_[at(v)]; c < vertex_begin_[at(v) + 1]; ++c) cone_order[position++] = c;
+      for (Index k = vertex_begin_[at(v)]; k < vertex_begin_[at(v) + 1]; ++k) cone_order[position++] = cones_[at(k)];
       plan.vertex_offsets.push_back(position);
     }
 
@@ -132,13 +137,18 @@ class SparsePlanner {
  private:
   [[nodiscard]] Index vertex_count() const { return static_cast<Index>(vertex_begin_.size()) - 1; }
 
-  /// Runs of neighbouring cones with one non-negative group, else cones; vertex_of_row_ for the edges.
+  /// Blocks, or runs of neighbouring cones with one non-negative group, else cones; vertex_of_row_ for the edges.
   void find_vertices(const EnvStructure& env) {
+    const bool has_blocks = env.all.block_visits > 1;
+    cones_.resize(at(env.cones));
+    for (Index c = 0; c < env.cones; ++c) cones_[at(has_blocks ? place_of(env.group(c)) : c)] = c;
     vertex_begin_.assign(1, 0);
     vertex_of_row_.resize(at(env.rows));
-    for (Index c = 0; c < env.cones; ++c) {
-      const bool goes_on = c > 0 && env.group(c) >= 0 && env.group(c) == env.group(c - 1);
-      if (!goes_on && c > 0) vertex_begin_.push_back(c);
+    for (Index p = 0; p < env.cones; ++p) {
+      const Index c = cones_[at(p)];
+      const bool goes_on =
+          has_blocks ? !begins_block(env.group(c)) : c > 0 && env.group(c) >= 0 && env.group(c) == env.group(c - 1);
+      if (!goes_on && p > 0) vertex_begin_.push_back(p);
       const auto vertex = static_cast<Index>(vertex_begin_.size()) - 1;
       std::fill(vertex_of_row_.begin() + env.cone_begin(c), vertex_of_row_.begin() + env.cone_begin(c + 1), vertex);
     }
@@ -153,11 +163,13 @@ class SparsePlanner {
     directed_.neighbours.clear();
     for (Index v = 0; v < vertices; ++v) {
       stamp_[at(v)] = v;
-      const Index end = env.cone_begin(vertex_begin_[at(v) + 1]);
-      for (Index row = env.cone_begin(vertex_begin_[at(v)]); row < end; ++row) {
-        const Index* columns = env.columns(row);
-        const Index count = env.entries(row);
-        for (Index k = 0; k < count; ++k) add_once(directed_, v, vertex_of_row_[at(columns[k])]);
+      for (Index c = vertex_begin_[at(v)]; c < vertex_begin_[at(v) + 1]; ++c) {
+        const Index cone = cones_[at(c)];
+        for (Index row = env.cone_begin(cone); row < env.cone_begin(cone + 1); ++row) {
+          const Index* columns = env.columns(row);
+          const Index count = env.entries(row);
+          for (Index k = 0; k < count; ++k) add_once(directed_, v, vertex_of_row_[at(columns[k])]);
+        }
       }
       directed_.offsets.push_back(static_cast<Index>(directed_.neighbours.size()));
     }
@@ -201,14 +213,20 @@ class SparsePlanner {
     order_.resize(at(vertex_count()));
     std::iota(order_.begin(), order_.end(), 0);
     const auto key = [&](Index v) {
-      const Index first = vertex_begin_[at(v)];
-      return std::tuple(coloring.color[at(v)], env.kind(first),
-                        env.cone_begin(vertex_begin_[at(v) + 1]) - env.cone_begin(first), v);
+      return std::tuple(coloring.color[at(v)], env.kind(cones_[at(vertex_begin_[at(v)])]), rows_of(env, v), v);
     };
     std::sort(order_.begin(), order_.end(), [&](Index a, Index b) { return key(a) < key(b); });
   }
 
-  std::vector<Index> vertex_begin_;   ///< first cone of each vertex, closed by the cone count
+  [[nodiscard]] Index rows_of(const EnvStructure& env, Index vertex) const {
+    Index rows = 0;
+    for (Index k = vertex_begin_[at(vertex)]; k < vertex_begin_[at(vertex) + 1]; ++k)
+      rows += env.cone_rows(cones_[at(k)]);
+    return rows;
+  }
+
+  std::vector<Index> cones_;          ///< by vertex
+  std::vector<Index> vertex_begin_;   ///< where in cones_ each vertex begins, closed by the cone count
   std::vector<Index> vertex_of_row_;  ///< (rows)
   std::vector<Index> stamp_;          ///< stamp_[u] == v: u is already among v's neighbours
   std::vector<Index> order_;          ///< vertices as they are swept

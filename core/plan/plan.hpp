@@ -34,6 +34,7 @@ struct PlanData : std::enable_shared_from_this<PlanData> {
   std::vector<Offset> sparse_order;        ///< sparse environments, most expensive first
   Index most_dofs = 0;                     ///< columns of the widest factor
   std::vector<Offset> factor_order;        ///< environments kept as factors, most expensive first
+  std::vector<Index> block_places;         ///< of block_places(); empty without blocks               (cone_count)
   std::vector<Offset> sparse_nonzeros;     ///< room of each one's stored entries                     (sparse_order)
 };
 

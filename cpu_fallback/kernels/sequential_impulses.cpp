@@ -1,4 +1,4 @@
-#include "core/algorithm/rigid/sequential_impulses.hpp"
+#include "core/algorithm/rigid/asynchronous_sweeps.hpp"
 
 #include "cpu_fallback/pack/body_pack_run.hpp"
 #include "cpu_fallback/tables/solve_bodies.hpp"
@@ -15,7 +15,7 @@ cpu::BodySingleKernels<Real> single() {
     using Method = BodySweeps<kLaw, Real>;
     using System = typename Method::System;
     return {System::elements, System::exact_elements, System::swept_elements, solve_alone<Method, Real>,
-            solve_together<Method, Real>};
+            solve_together<DealtSweeps<kLaw, Real>, Real>};
   }
 }
 

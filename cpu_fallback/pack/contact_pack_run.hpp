@@ -95,6 +95,7 @@ class ContactPackRun : public PackDriver<ContactPackRun<Method, kLaw, Real>, kPa
         workspace_(scratch + elements(slots), pack_.n, pack_.cones),
         rules_(load_rules<Method>(kLaw, lanes_[0])) {
     if (params_.is_fallback_stage) rules_.needs_symmetry = false;
+    pack_.has_blocks = job.batch.block_visits > 1;
     // Padding is zero. Idle lanes compute on whatever they hold, be it what a refused environment has left: masks keep
     // it out of every lane that counts.
     for (Offset i = 0; i < elements(slots); ++i) scratch[i] = Real(0);

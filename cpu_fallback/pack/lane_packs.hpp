@@ -20,11 +20,11 @@ struct PackMemory {
   }
   template <class Lists>
   VelocityWorkspace<Types> numbers(const Lists& lists, const SlotCounts& counts) const {
-    return make<VelocityWorkspace<Types>>(counts, lists.tree.dofs, lists.tree.entries);
+    return make<VelocityWorkspace<Types>>(counts, lists.tree->dofs, lists.tree->entries);
   }
   template <class Lists>
   JacobianVjpWorkspace<Types> jacobian_vjp_numbers(const Lists& lists, const SlotCounts& counts) const {
-    return make<JacobianVjpWorkspace<Types>>(counts, lists.tree.dofs, lists.tree.entries);
+    return make<JacobianVjpWorkspace<Types>>(counts, lists.tree->dofs, lists.tree->entries);
   }
 
  private:

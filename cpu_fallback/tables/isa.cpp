@@ -19,6 +19,7 @@ cpu::DerivativeKernelSet derivative_kernels();
 cpu::JacobianKernelSet jacobian_kernels();
 cpu::WorldKernelSet world_kernels();
 cpu::VelocityKernelSet velocity_kernels();
+cpu::ArticulatedKernelSet articulated_kernels();
 }  // namespace isa_baseline
 #endif
 
@@ -31,6 +32,7 @@ cpu::DerivativeKernelSet derivative_kernels();
 cpu::JacobianKernelSet jacobian_kernels();
 cpu::WorldKernelSet world_kernels();
 cpu::VelocityKernelSet velocity_kernels();
+cpu::ArticulatedKernelSet articulated_kernels();
 }  // namespace isa_avx2
 #endif
 
@@ -40,6 +42,7 @@ cpu::KernelSet solver_kernels(SolverKind solver);
 cpu::BodyKernelSet si_kernels();
 cpu::VjpPackKernelSet vjp_pack_kernels();
 cpu::VelocityKernelSet velocity_kernels();
+cpu::ArticulatedKernelSet articulated_kernels();
 }  // namespace isa_avx512
 #endif
 
@@ -71,17 +74,17 @@ DerivativeKernelSet avx512_derivative_kernels() {
 const Isa kIsas[] = {
 #if defined(STICTION_HAS_AVX512)
     {"avx512", has_avx512, avx512_kernels, avx512_si_kernels, isa_avx2::newton_body_kernels, isa_avx2::jacobian_kernels,
-     isa_avx2::world_kernels, isa_avx512::velocity_kernels, avx512_derivative_kernels},
+     isa_avx2::world_kernels, isa_avx512::velocity_kernels, avx512_derivative_kernels, isa_avx512::articulated_kernels},
 #endif
 #if defined(STICTION_HAS_AVX2)
     {"avx2", [] { return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"); }, isa_avx2::solver_kernels,
      isa_avx2::si_kernels, isa_avx2::newton_body_kernels, isa_avx2::jacobian_kernels, isa_avx2::world_kernels,
-     isa_avx2::velocity_kernels, isa_avx2::derivative_kernels},
+     isa_avx2::velocity_kernels, isa_avx2::derivative_kernels, isa_avx2::articulated_kernels},
 #endif
 #if defined(STICTION_HAS_BASELINE)
     {"baseline", [] { return true; }, isa_baseline::solver_kernels, isa_baseline::si_kernels,
      isa_baseline::newton_body_kernels, isa_baseline::jacobian_kernels, isa_baseline::world_kernels,
-     isa_baseline::velocity_kernels, isa_baseline::derivative_kernels},
+     isa_baseline::velocity_kernels, isa_baseline::derivative_kernels, isa_baseline::articulated_kernels},
 #endif
 };
 

@@ -2,6 +2,7 @@
 
 #include <span>
 
+#include "cpu_fallback/tables/articulated_kernels.hpp"
 #include "cpu_fallback/tables/body_kernels.hpp"
 #include "cpu_fallback/tables/contact_kernels.hpp"
 #include "cpu_fallback/tables/derivative_kernels.hpp"
@@ -23,6 +24,7 @@ struct Isa {
   WorldKernelSet (*world_kernels)();
   VelocityKernelSet (*velocity)();
   DerivativeKernelSet (*derivative)();
+  ArticulatedKernelSet (*articulated)();
 };
 
 /// The widest build that this CPU runs. All builds give the same bits. The environment variable STICTION_ISA

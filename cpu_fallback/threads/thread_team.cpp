@@ -32,6 +32,27 @@ void pause() {
 #endif
 }
 
+/// Returns once is_reached().
+template <class F>
+void spin_until(F&& is_reached) {
+  for (int spins = 0; !is_reached(); ++spins) {
+    if (spins < kSpins) {
+      pause();
+    } else {
+      std::this_thread::yield();
+    }
+  }
+}
+
+/// wait(), which a meter hears of.
+template <class F>
+void metered(F&& wait) {
+  if (waited_here == nullptr) return wait();
+  const Clock::time_point start = Clock::now();
+  wait();
+  *waited_here += Clock::now() - start;
+}
+
 }  // namespace
 
 void TeamBarrier::arrive_and_wait() {
@@ -41,14 +62,7 @@ void TeamBarrier::arrive_and_wait() {
     phase_.store(phase + 1, std::memory_order_release);
     return;
   }
-  int spins = 0;
-  while (phase_.load(std::memory_order_acquire) == phase) {
-    if (++spins < kSpins) {
-      pause();
-    } else {
-      std::this_thread::yield();
-    }
-  }
+  spin_until([&] { return phase_.load(std::memory_order_acquire) != phase; });
 }
 
 Index ThreadTeam::width() const {
@@ -56,10 +70,29 @@ Index ThreadTeam::width() const {
 }
 
 void ThreadTeam::sync() {
-  if (waited_here == nullptr) return barrier_.arrive_and_wait();
-  const Clock::time_point start = Clock::now();
-  barrier_.arrive_and_wait();
-  *waited_here += Clock::now() - start;
+  metered([&] { barrier_.arrive_and_wait(); });
+}
+
+void ThreadTeam::open_deal(Index rank) {
+  places_[rank].item.store(0, std::memory_order_relaxed);
+  if (rank == 0) next_.store(0, std::memory_order_relaxed);
+  sync();
+}
+
+Offset ThreadTeam::take(Index rank, Offset count, Offset window) {
+  const Offset item = next_.fetch_add(1, std::memory_order_relaxed);
+  // A thread that sees this one go on sees what it wrote in its last item.
+  places_[rank].item.store(item, std::memory_order_release);
+  const auto has_gone_on = [&](Index other) {
+    return places_[other].item.load(std::memory_order_acquire) > item - window;
+  };
+  Index other = 0;
+  const auto all_have = [&] {
+    while (other < width_ && has_gone_on(other)) ++other;
+    return other == width_;
+  };
+  if (item < count && !all_have()) metered([&] { spin_until(all_have); });
+  return item;
 }
 
 unsigned char* ThreadTeam::slot(int turn, Index rank) {

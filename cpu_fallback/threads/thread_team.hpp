@@ -36,12 +36,24 @@ class ThreadTeam {
   void sync();
   [[nodiscard]] unsigned char* slot(int turn, Index rank);
   [[nodiscard]] unsigned char* leaves();
+  /// Begins to deal out items 0, 1, ...: every thread calls it.
+  void open_deal(Index rank);
+  /// The next item for a thread that has ended its last one; `count` or above if none is left. Returns when all items
+  /// up to that less `window` have ended.
+  [[nodiscard]] Offset take(Index rank, Offset count, Offset window);
 
  private:
+  /// The item that a thread is at, or one that it has ended: all before it are not its own any more.
+  struct alignas(64) Place {
+    std::atomic<Offset> item{0};
+  };
+
   Index width_;
   TeamBarrier barrier_;
   alignas(64) unsigned char slots_[2 * kMaxWidth * kTeamValueBytes] = {};
   alignas(64) unsigned char leaves_[kLeavesBytes] = {};
+  alignas(64) std::atomic<Offset> next_{0};
+  Place places_[kMaxWidth];
 };
 
 /// Runs work(team, rank) on `threads` threads at once, the caller's among them; on fewer if the system gives no more.

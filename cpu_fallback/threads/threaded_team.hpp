@@ -4,6 +4,7 @@
 #include <type_traits>
 
 #include "core/team/team.hpp"
+#include "cpu_fallback/threads/shared_numbers.hpp"
 #include "cpu_fallback/threads/thread_team.hpp"
 
 namespace stiction::inline STICTION_ISA {
@@ -13,6 +14,10 @@ class ThreadedTeam {
  public:
   /// Long runs of neighbours, so that threads do not write to each other's cache lines.
   static constexpr Index kRowTile = 128;
+
+  /// Numbers that threads read and change without meeting.
+  template <class T, int kCount>
+  using Shared = SharedNumbers<T, kCount>;
 
   ThreadedTeam(cpu::ThreadTeam& team, Index rank) : team_(&team), rank_(rank) {}
 
@@ -27,6 +32,14 @@ class ThreadedTeam {
     if (rank_ == 0) put(0, f());
     sync();
     return get<T>(0);
+  }
+  /// f(k) for k = 0 ... count - 1 in order, each by the next free thread. Item k begins after all up to k - window have
+  /// ended, and sees what they wrote. It begins and ends in a sync.
+  template <class F>
+  void deal(Offset count, Offset window, F&& f) {
+    team_->open_deal(rank_);
+    for (Offset k = team_->take(rank_, count, window); k < count; k = team_->take(rank_, count, window)) f(k);
+    sync();
   }
   std::uint32_t combine(std::uint32_t bits) {
     return exchange(bits, [](std::uint32_t a, std::uint32_t b) { return a | b; });

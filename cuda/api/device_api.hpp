@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -72,6 +73,12 @@ class DeviceApi {
   virtual void record(EventHandle event, StreamHandle stream) = 0;
   /// `stream` goes on once what was last recorded in `event` is done.
   virtual void wait(StreamHandle stream, EventHandle event) = 0;
+
+  /// Calls `body`, which queues work on the stream that it is given. If `stream` is being captured, that is `inner`.
+  /// The graph then does the work in the order of `stream`, and leaves it out if the integer at `condition` is 0 by
+  /// then. Otherwise it is `stream`, and all is done. `inner` has nothing else to do.
+  virtual void conditionally(const Offset* condition, StreamHandle stream, StreamHandle inner,
+                             const std::function<void(StreamHandle)>& body) = 0;
 
   /// Whether `stream` is being captured into a graph: then nothing may allocate or wait.
   virtual bool capturing(StreamHandle stream) = 0;

@@ -203,7 +203,7 @@ void EmulatedDevice::launch(const KernelRef& kernel, const LaunchShape& asked, c
                         shape.whole_device ? 1 : smaller_of(shape.teams, options_.teams),
                         smaller_of(shape.lanes, options_.lanes),
                         shape.whole_device ? static_cast<int>(options_.teams) : 0,
-                        shape.whole_device && options_.seed != 0 ? random_() : 0,
+                        (shape.whole_device || options_.at_any_pace) && options_.seed != 0 ? random_() : 0,
                         shape.shared_bytes,
                         {}};
   launch.order.resize(static_cast<std::size_t>(launch.teams));
@@ -236,6 +236,8 @@ void EmulatedDevice::wait(StreamHandle stream, EventHandle event) {
   if (source.mark == 0) return;
   if (source.capture == nullptr && target.capture != nullptr)
     fail("a captured stream waits for an event that was recorded outside the capture");
+  if (source.capture != nullptr && target.capture != nullptr && source.capture != target.capture)
+    fail("a captured stream waits for an event of another capture");
   if (source.capture != nullptr && target.capture == nullptr) {
     if (captures_.count(source.capture) == 0) fail("an event of a capture that has ended");
     target.capture = source.capture;
@@ -316,14 +318,19 @@ void EmulatedDevice::begin_capture(StreamHandle stream) {
   captures_[origin.capture] = std::move(graph);
 }
 
-std::shared_ptr<const EmulatedDevice::Graph> EmulatedDevice::end_capture(StreamHandle stream) {
+std::shared_ptr<const EmulatedDevice::Graph> EmulatedDevice::drop_capture(StreamHandle stream) {
   const std::lock_guard lock(mutex_);
   EmulatedStream& origin = stream_of(stream);
   if (origin.capture == nullptr || origin.capture->origin_ != &origin) fail("no capture began on this stream");
   Graph* const key = origin.capture;
-  const std::shared_ptr<const Graph> graph = std::move(captures_.at(key));
+  std::shared_ptr<const Graph> graph = std::move(captures_.at(key));
   captures_.erase(key);
   for (EmulatedStream* member : graph->streams_) member->capture = nullptr;
+  return graph;
+}
+
+std::shared_ptr<const EmulatedDevice::Graph> EmulatedDevice::end_capture(StreamHandle stream) {
+  std::shared_ptr<const Graph> graph = drop_capture(stream);
   std::set<std::uint64_t> joined;
   for (const Step& step : graph->branches_.front()) joined.insert(step.after);
   for (std::size_t k = 1; k < graph->branches_.size(); ++k)
@@ -332,26 +339,54 @@ std::shared_ptr<const EmulatedDevice::Graph> EmulatedDevice::end_capture(StreamH
   return graph;
 }
 
+std::shared_ptr<const EmulatedDevice::Graph> EmulatedDevice::capture(StreamHandle stream,
+                                                                     const std::function<void(StreamHandle)>& body) {
+  begin_capture(stream);
+  try {
+    body(stream);
+  } catch (...) {
+    drop_capture(stream);
+    throw;
+  }
+  return end_capture(stream);
+}
+
+void EmulatedDevice::conditionally(const Offset* condition, StreamHandle stream, StreamHandle inner,
+                                   const std::function<void(StreamHandle)>& body) {
+  if (!capturing(stream)) {
+    body(stream);
+    return;
+  }
+  const std::shared_ptr<const Graph> graph = capture(inner, body);
+  const std::lock_guard lock(mutex_);
+  count(DeviceCall::launch, "a condition");
+  queue(stream, {[this, condition, graph] {
+          if (*condition != 0) run(*graph);
+        }});
+}
+
+void EmulatedDevice::run(const Graph& graph) {
+  std::set<std::uint64_t> set;
+  std::vector<std::size_t> next(graph.branches_.size(), 0);
+  for (;;) {
+    std::vector<std::size_t> ready;
+    for (std::size_t k = 0; k < next.size(); ++k) {
+      if (next[k] == graph.branches_[k].size()) continue;
+      const std::uint64_t after = graph.branches_[k][next[k]].after;
+      if (after == 0 || set.count(after) > 0) ready.push_back(k);
+    }
+    if (ready.empty()) break;
+    const std::size_t k = ready[static_cast<std::size_t>(pick(static_cast<Offset>(ready.size())))];
+    const Step& step = graph.branches_[k][next[k]++];
+    if (step.work) step.work();
+    if (step.set != 0) set.insert(step.set);
+  }
+}
+
 void EmulatedDevice::launch(const std::shared_ptr<const Graph>& graph, StreamHandle stream) {
   const std::lock_guard lock(mutex_);
   count(DeviceCall::launch, "a graph");
-  queue(stream, {[this, graph] {
-          std::set<std::uint64_t> set;
-          std::vector<std::size_t> next(graph->branches_.size(), 0);
-          for (;;) {
-            std::vector<std::size_t> ready;
-            for (std::size_t k = 0; k < next.size(); ++k) {
-              if (next[k] == graph->branches_[k].size()) continue;
-              const std::uint64_t after = graph->branches_[k][next[k]].after;
-              if (after == 0 || set.count(after) > 0) ready.push_back(k);
-            }
-            if (ready.empty()) break;
-            const std::size_t k = ready[static_cast<std::size_t>(pick(static_cast<Offset>(ready.size())))];
-            const Step& step = graph->branches_[k][next[k]++];
-            if (step.work) step.work();
-            if (step.set != 0) set.insert(step.set);
-          }
-        }});
+  queue(stream, {[this, graph] { run(*graph); }});
 }
 
 }  // namespace stiction::cuda

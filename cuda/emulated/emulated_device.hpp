@@ -28,6 +28,7 @@ struct EmulatedDeviceOptions {
   std::uint64_t seed = 0;  ///< order of streams and teams, speed of a whole device's lanes; 0: as queued, all alike
   std::size_t shared_bytes = std::size_t{227} << 10;  ///< fast memory of a team, at most
   bool is_whole = true;                               ///< DeviceFacts::is_whole
+  bool at_any_pace = false;                           ///< lanes of every team differ in speed, if there is a seed
 };
 
 /// A device without a GPU: the engine's launches, copies and events, carried out by threads of the CPU. Nothing is done
@@ -52,9 +53,11 @@ class EmulatedDevice final : public DeviceApi {
   void copy(void* target, const void* source, std::size_t bytes, CopyKind kind, StreamHandle stream) override;
   void fill_zero(void* target, std::size_t bytes, StreamHandle stream) override;
   void prepare(const KernelRef& kernel, const LaunchShape& shape) override;
-  void launch(const KernelRef& kernel, const LaunchShape& shape, const void* arguments, StreamHandle stream) override;
+  void launch(const KernelRef& kernel, const LaunchShape& asked, const void* arguments, StreamHandle stream) override;
   void record(EventHandle event, StreamHandle stream) override;
   void wait(StreamHandle stream, EventHandle event) override;
+  void conditionally(const Offset* condition, StreamHandle stream, StreamHandle inner,
+                     const std::function<void(StreamHandle)>& body) override;
   bool capturing(StreamHandle stream) override;
   void synchronize(StreamHandle stream) override;
   void await(EventHandle event) override;
@@ -108,6 +111,12 @@ class EmulatedDevice final : public DeviceApi {
   EmulatedStream& stream_of(StreamHandle stream);
   EmulatedEvent& event_of(EventHandle event);
   void queue(StreamHandle stream, Step step);
+  /// Ends a capture, whether all that joined it was joined back or not.
+  std::shared_ptr<const Graph> drop_capture(StreamHandle stream);
+  /// Captures the work that `body` queues on `stream`.
+  std::shared_ptr<const Graph> capture(StreamHandle stream, const std::function<void(StreamHandle)>& body);
+  /// Runs all of a graph, in an order that its streams and events allow.
+  void run(const Graph& graph);
   /// Runs one step of some stream, drawn from those that are free to go on.
   void run_one_step();
   /// Counts a synchronisation; if it was told to fail, the device is lost and nothing queued is ever done.

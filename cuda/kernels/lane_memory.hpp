@@ -26,7 +26,7 @@ LaneRoom lay_out_lanes(Index env_rows, Index env_dofs) {
   constexpr auto kOffset = static_cast<Offset>(sizeof(Offset));
   const Index rows = smaller_of(env_rows, kMostVelocityRows), dofs = smaller_of(env_dofs, kMostLargeDofs);
   const Index tree_entries = smaller_of(dofs * (dofs + 1) / 2, kMostLargeEntries);
-  const SlotCounts largest{rows, rows, smaller_of(Offset{rows} * dofs, Offset{kMostLargeColumns}), rows};
+  const SlotCounts largest = SlotCounts::most(rows, smaller_of(Offset{rows} * dofs, Offset{kMostLargeColumns}));
   const Offset small_lists = PackLists<1, DofSet>::bytes(rows),
                lists = dofs > kMostVelocityDofs ? larger_of(small_lists, PackLists<1, LargeDofSet>::bytes(rows))
                                                 : small_lists;

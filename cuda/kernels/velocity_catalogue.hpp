@@ -9,18 +9,33 @@
 /// no other kernel is compiled anew when it changes.
 namespace stiction::cuda {
 
+/// Those for environments of up to kMostVelocityDofs.
+template <class Make, class Real>
+void add_velocity_kernels(VelocityKernels& to) {
+  to.steps.teams = Make::template kernel<SolveVelocityTeams<Real, Real>>("velocity_newton");
+  to.steps.lanes = Make::template kernel<SolveVelocities<Real, Real, false>>("velocity_newton_by_lanes");
+  if constexpr (sizeof(Real) < sizeof(double)) {
+    to.steps_in_double.teams = Make::template kernel<SolveVelocityTeams<Real, double>>("velocity_newton_in_double");
+    to.steps_in_double.lanes =
+        Make::template kernel<SolveVelocities<Real, double, false>>("velocity_newton_by_lanes_in_double");
+  }
+}
+
+/// Those for larger ones.
+template <class Make, class Real>
+void add_velocity_part_kernels(VelocityKernels& to) {
+  to.steps.in_parts = Make::template kernel<SolveVelocities<Real, Real, true>>("velocity_newton_in_parts");
+  if constexpr (sizeof(Real) < sizeof(double))
+    to.steps_in_double.in_parts =
+        Make::template kernel<SolveVelocities<Real, double, true>>("velocity_newton_in_parts_in_double");
+  to.in_blocks = Make::template kernel<SolveVelocityBlocks<Real>>("velocity_newton_in_blocks");
+}
+
 template <class Make, class Real>
 VelocityKernels velocity_kernels() {
   VelocityKernels kernels;
-  kernels.steps = {Make::template kernel<SolveVelocityTeams<Real, Real>>("velocity_newton"),
-                   Make::template kernel<SolveVelocities<Real, Real, false>>("velocity_newton_by_lanes"),
-                   Make::template kernel<SolveVelocities<Real, Real, true>>("velocity_newton_in_parts")};
-  if constexpr (sizeof(Real) < sizeof(double))
-    kernels.steps_in_double = {
-        Make::template kernel<SolveVelocityTeams<Real, double>>("velocity_newton_in_double"),
-        Make::template kernel<SolveVelocities<Real, double, false>>("velocity_newton_by_lanes_in_double"),
-        Make::template kernel<SolveVelocities<Real, double, true>>("velocity_newton_in_parts_in_double")};
-  kernels.in_blocks = Make::template kernel<SolveVelocityBlocks<Real>>("velocity_newton_in_blocks");
+  add_velocity_kernels<Make, Real>(kernels);
+  add_velocity_part_kernels<Make, Real>(kernels);
   return kernels;
 }
 

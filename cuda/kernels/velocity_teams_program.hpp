@@ -20,10 +20,8 @@ struct VelocityTeamArgs {
 template <class Types>
 std::size_t most_team_bytes(Index env_rows, Index env_dofs, Index lanes) {
   const Index rows = smaller_of(env_rows, kMostVelocityRows), dofs = smaller_of(env_dofs, kMostVelocityDofs);
-  const SlotCounts counts{rows, rows, Offset{rows} * dofs, rows};
-  using Workspace = VelocityWorkspace<Types>;
-  const Offset doubles =
-      Workspace::doubles(counts, dofs, dofs * (dofs + 1) / 2, Workspace::wide_rows_of(lanes, dofs, dofs));
+  const Offset doubles = VelocityWorkspace<Types>::doubles(SlotCounts::most(rows, Offset{rows} * dofs), dofs,
+                                                           dofs * (dofs + 1) / 2, Offset{lanes} * dofs);
   return in_shared(static_cast<std::size_t>(PackLists<1, DofSet>::bytes(rows))) +
          in_shared(static_cast<std::size_t>(doubles) * sizeof(double));
 }
@@ -46,27 +44,24 @@ struct TeamMemory {
   [[nodiscard]] STICTION_HD typename Types::Team& team() const { return own_team; }
   [[nodiscard]] STICTION_HD void* lists(Offset) const { return shared; }
   [[nodiscard]] STICTION_HD bool has_room(const Lists& lists, const SlotCounts& counts) const {
-    fits = begin(lists, counts) + static_cast<Offset>(sizeof(double)) * doubles(lists, counts) <= room;
+    const Offset doubles = Workspace::doubles(counts, lists.tree->dofs, lists.tree->entries, by_depth(lists));
+    fits = begin(lists) + static_cast<Offset>(sizeof(double)) * doubles <= room;
     return fits;
   }
   [[nodiscard]] STICTION_HD Workspace numbers(const Lists& lists, const SlotCounts& counts) const {
-    Workspace workspace(reinterpret_cast<double*>(shared + begin(lists, counts)), counts, lists.tree.dofs,
-                        lists.tree.entries, wide_rows(lists), 0);
+    Workspace workspace(reinterpret_cast<double*>(shared + begin(lists)), counts, lists.tree->dofs, lists.tree->entries,
+                        0, by_depth(lists));
     workspace.lanes = &own_team;
     return workspace;
   }
 
  private:
-  [[nodiscard]] STICTION_HD Offset wide_rows(const Lists& lists) const {
-    return Workspace::wide_rows_of(own_team.size(), lists.tree.levels, lists.tree.dofs);
-  }
-  [[nodiscard]] STICTION_HD Offset doubles(const Lists& lists, const SlotCounts& counts) const {
-    return Workspace::doubles(counts, lists.tree.dofs, lists.tree.entries, wide_rows(lists));
+  [[nodiscard]] STICTION_HD Offset by_depth(const Lists& lists) const {
+    return Offset{own_team.size()} * lists.tree->levels;
   }
   /// First byte of the numbers, behind the lists.
-  [[nodiscard]] STICTION_HD Offset begin(const Lists& lists, const SlotCounts& counts) const {
-    const auto* const end = reinterpret_cast<const unsigned char*>(lists.end(counts));
-    return (static_cast<Offset>(end - shared) + 15) / 16 * 16;
+  [[nodiscard]] STICTION_HD Offset begin(const Lists& lists) const {
+    return (static_cast<Offset>(reinterpret_cast<const unsigned char*>(lists.end()) - shared) + 15) / 16 * 16;
   }
 };
 
@@ -77,6 +72,7 @@ template <class Real, class Number>
 struct SolveVelocityTeams {
   using Args = cuda::VelocityTeamArgs<Real>;
   static constexpr bool kSerial = false;
+  static constexpr bool kInWarp = true;
   static constexpr int kThreads = cuda::kTeamThreads;
   static constexpr bool kInDouble = sizeof(Number) > sizeof(Real);
   static constexpr std::uint8_t kMark = kInDouble ? kTriedInDouble : kTried;

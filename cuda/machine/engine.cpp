@@ -82,7 +82,7 @@ void Engine::queue_plan(const SolveRequest<Real>& request) {
                       reserved_.capacity.env_dofs,
                       reserved_.capacity.env_nonzeros,
                       may_be_sparse(reserved_.capacity),
-                      limits_for(request.options.solver, request.batch.env_count)};
+                      limits_for(request.options.solver, request.batch)};
   const PlanKernels& kernels = api_.kernels().plan;
   const StreamHandle stream = request.stream.handle();
   api_.launch(kernels.inspect, {request.batch.env_count, kPlanLanes}, &args, stream);
@@ -221,7 +221,7 @@ void Engine::queue_solve(const SolveRequest<Real>& request, bool is_planned) {
   if (is_ladder)
     queue_fallbacks(request, job);
   else
-    queue_classes(request, job, options.solver, limits_for(options.solver, request.batch.env_count), true);
+    queue_classes(request, job, options.solver, limits_for(options.solver, request.batch), true);
   if (!capturing) api_.record(done_->get(), stream);
 }
 

@@ -96,6 +96,7 @@ class Engine {
   [[nodiscard]] const Workspace& method_workspace(SolverKind solver) const;
   [[nodiscard]] ClassLimits limits_for(const Workspace& method, Offset envs) const;
   [[nodiscard]] ClassLimits limits_for(SolverKind solver, Offset envs) const;
+  [[nodiscard]] ClassLimits limits_for(SolverKind solver, const BatchStructure& batch) const;
   [[nodiscard]] ClassLimits limits_of_turn(int turn, Offset envs) const;
   [[nodiscard]] bool may_take(int turn) const;
   template <class Real>

@@ -171,6 +171,12 @@ ClassLimits Engine::limits_for(SolverKind solver, Offset envs) const {
   return limits_for(solver == SolverKind::automatic ? Workspace{} : method_workspace(solver), envs);
 }
 
+/// Returns the limits of classes for a batch under a solver. A lane with an environment of its own sweeps in no blocks.
+ClassLimits Engine::limits_for(SolverKind solver, const BatchStructure& batch) const {
+  const ClassLimits limits = limits_for(solver, batch.env_count);
+  return batch.block_visits > 1 ? limits.from(kFinestTeam) : limits;
+}
+
 /// What they are under a turn of the fallback chain. Few environments come to a later one, however large the batch is.
 /// A lane each would leave the device idle, and its classes would be launches for nothing.
 ClassLimits Engine::limits_of_turn(int turn, Offset envs) const {

@@ -137,6 +137,8 @@ void DeviceJacobianMachine<Real>::reserve_newton(const JacobianCapacity& capacit
   set_.add(arrays_.env_cone_counts, capacity.envs);
   set_.add(arrays_.answered, capacity.envs);
   set_.add(arrays_.status, capacity.envs);
+  set_.add(left_, 1);
+  rest_.emplace(*api_);
   if (has_large_) reserve_blocks(capacity);
   // Numbers take more room where steps are in double.
   using TeamTypes = LaneTypes<double, 1, DofSet, Real, EveryTeam>;
@@ -167,7 +169,7 @@ void DeviceJacobianMachine<Real>::reserve_newton(const JacobianCapacity& capacit
 /// Memory of the teams that solve in blocks, each of which takes one environment after the other.
 template <class Real>
 void DeviceJacobianMachine<Real>::reserve_blocks(const JacobianCapacity& capacity) {
-  const Index rows = smaller_of(capacity.env_rows, kMostBlockRows);
+  const Index rows = smaller_of(capacity.env_rows, kMostRowsInBlocks);
   const BlockExtent largest{rows, rows, capacity.env_dofs};
   blocks_.lists_per_team = BlockLists::integers(largest);
   blocks_.numbers_per_team = BlockWorkspace::doubles(largest, kWarp);
@@ -239,7 +241,7 @@ void DeviceJacobianMachine<Real>::finish(StreamHandle stream) noexcept {
 template <class Real>
 void DeviceJacobianMachine<Real>::launch(const KernelRef& kernel, const LaunchShape& shape,
                                          const JacobianBatchJob<Real>& job, StreamHandle stream) {
-  const JacobianArgs<Real> args{job, scratch_, slot_};
+  const JacobianArgs<Real> args{job, scratch_, slot_, left_, false};
   LaunchShape own = shape;
   own.teams = smaller_of(shape.teams, job.batch.env_count);
   api_->launch(kernel, own, &args, stream);
@@ -271,6 +273,21 @@ bool DeviceJacobianMachine<Real>::solve_velocities(const VelocityJob<Real>& job,
       launch_newton(job, stream.handle());
     });
   return false;  // the host does not wait to know
+}
+
+/// Only a graph can leave work out: elsewhere nothing is to be found.
+template <class Real>
+void DeviceJacobianMachine<Real>::queue_rest(const JacobianBatchView<Real>& batch, StreamRef stream,
+                                             const std::function<void(StreamRef)>& rest) {
+  if (!is_counted_ || !rest_.has_value() || !api_->capturing(stream.handle())) {
+    rest(stream);
+    return;
+  }
+  const JacobianArgs<Real> args{{batch, arrays_}, nullptr, 0, left_, true};
+  LaunchShape shape = small_;
+  shape.teams = (batch.env_count + shape.lanes - 1) / shape.lanes;
+  api_->launch(kernels_of<Real>(*api_).count, shape, &args, stream.handle());
+  api_->conditionally(left_, stream.handle(), rest_->get(), [&](StreamHandle inner) { rest(StreamRef(inner)); });
 }
 
 template <class Real>

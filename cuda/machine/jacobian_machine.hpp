@@ -1,6 +1,8 @@
 #pragma once
 
+#include <functional>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "core/machine/jacobian_machine.hpp"
@@ -25,6 +27,8 @@ class DeviceJacobianMachine final : public JacobianMachine<Real> {
   ~DeviceJacobianMachine() override;
 
   bool solve_velocities(const VelocityJob<Real>& job, StreamRef stream) override;
+  void queue_rest(const JacobianBatchView<Real>& batch, StreamRef stream,
+                  const std::function<void(StreamRef)>& rest) override;
   ContactBatchView<Real> assemble(const JacobianBatchView<Real>& batch, StreamRef stream) override;
   JacobianBatchJob<Real> lay_out(const JacobianBatchView<Real>& batch, StreamRef stream) override;
   void write(const JacobianBatchView<Real>& batch, const JacobianSolutionView<Real>& solution,
@@ -47,7 +51,9 @@ class DeviceJacobianMachine final : public JacobianMachine<Real> {
   JacobianArrays<Real> arrays_{};
   Real* scratch_ = nullptr;  ///< of each team, null: in fast memory                   (teams * slot)
   Offset slot_ = 0;
-  bool is_counted_ = false;  ///< solve_velocities() has counted the environments of this solve
+  bool is_counted_ = false;     ///< solve_velocities() has counted the environments of this solve
+  Offset* left_ = nullptr;      ///< not 0: it has not answered all; null: it is not called               (1)
+  std::optional<Stream> rest_;  ///< for what is done where it has left any
   VelocityRules rules_;
   LaunchShape small_, large_;             ///< of counting; of assembling and moving
   std::vector<LaunchShape> team_shapes_;  ///< of Newton's teams, the smallest fast memory first

@@ -8,6 +8,7 @@
 
 #include "core/base/extents.hpp"
 #include "cuda/native/cuda_check.hpp"
+#include "cuda/native/cuda_condition.hpp"
 #include "cuda/native/cuda_device.hpp"
 #include "cuda/native/cuda_kernels.hpp"
 #include "cuda/native/launch_grid.hpp"
@@ -71,6 +72,16 @@ class WholeDeviceTurn {
   cudaEvent_t done_ = nullptr;
 };
 
+/// Returns finds_conditions() of the current device, which is asked once.
+bool finds_conditions_on(int ordinal) {
+  static std::mutex mutex;
+  static std::map<int, bool> found;
+  const std::lock_guard lock(mutex);
+  const auto known = found.find(ordinal);
+  if (known != found.end()) return known->second;
+  return found[ordinal] = finds_conditions();
+}
+
 cudaLaunchAttribute cooperative() {
   cudaLaunchAttribute attribute{};
   attribute.id = cudaLaunchAttributeCooperative;
@@ -89,6 +100,7 @@ CudaApi::CudaApi(int ordinal) : ordinal_(ordinal) {
   int shared_with_others = 0;
   STICTION_CUDA_TRY(cudaDeviceGetAttribute(&shared_with_others, cudaDevAttrMpsEnabled, ordinal));
   facts_.is_whole = shared_with_others == 0;
+  has_conditions_ = finds_conditions_on(ordinal);
   STICTION_CUDA_TRY(cudaMalloc(&grid_memory_, kGridBytes));
 }
 
@@ -224,6 +236,14 @@ void CudaApi::record(EventHandle event, StreamHandle stream) {
 void CudaApi::wait(StreamHandle stream, EventHandle event) {
   const DeviceGuard device(ordinal_);
   STICTION_CUDA_TRY(cudaStreamWaitEvent(stream_of(stream), event_of(event), 0));
+}
+void CudaApi::conditionally(const Offset* condition, StreamHandle stream, StreamHandle inner,
+                            const std::function<void(StreamHandle)>& body) {
+  const DeviceGuard device(ordinal_);
+  if (has_conditions_ && capturing(stream))
+    capture_conditionally(condition, stream_of(stream), stream_of(inner), [&] { body(inner); });
+  else
+    body(stream);
 }
 bool CudaApi::capturing(StreamHandle stream) {
   const DeviceGuard device(ordinal_);

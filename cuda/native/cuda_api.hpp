@@ -33,9 +33,11 @@ class CudaApi final : public DeviceApi {
   void copy(void* target, const void* source, std::size_t bytes, CopyKind kind, StreamHandle stream) override;
   void fill_zero(void* target, std::size_t bytes, StreamHandle stream) override;
   void prepare(const KernelRef& kernel, const LaunchShape& shape) override;
-  void launch(const KernelRef& kernel, const LaunchShape& shape, const void* arguments, StreamHandle stream) override;
+  void launch(const KernelRef& kernel, const LaunchShape& asked, const void* arguments, StreamHandle stream) override;
   void record(EventHandle event, StreamHandle stream) override;
   void wait(StreamHandle stream, EventHandle event) override;
+  void conditionally(const Offset* condition, StreamHandle stream, StreamHandle inner,
+                     const std::function<void(StreamHandle)>& body) override;
   bool capturing(StreamHandle stream) override;
   void synchronize(StreamHandle stream) override;
   void await(EventHandle event) override;
@@ -50,6 +52,7 @@ class CudaApi final : public DeviceApi {
 
   int ordinal_;
   DeviceFacts facts_;
+  bool has_conditions_ = false;  ///< graphs can leave work out
   void* grid_memory_ = nullptr;
   std::mutex mutex_;
   std::map<std::tuple<const void*, int, std::size_t>, int> resident_;

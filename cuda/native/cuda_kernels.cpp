@@ -9,6 +9,13 @@ DerivativeKernels all_derivative_kernels(Precision precision) {
           cuda_lanes_kernel(precision)};
 }
 
+VelocityKernels all_velocity_kernels(Precision precision) {
+  VelocityKernels kernels;
+  add_cuda_velocity_kernels(precision, kernels);
+  add_cuda_velocity_part_kernels(precision, kernels);
+  return kernels;
+}
+
 }  // namespace
 
 const KernelCatalogue& cuda_kernels() {
@@ -21,7 +28,7 @@ const KernelCatalogue& cuda_kernels() {
       cuda_body_kernels(),
       cuda_newton_body_kernels(),
       {cuda_jacobian_kernels(Precision::f32), cuda_jacobian_kernels(Precision::f64)},
-      {cuda_velocity_kernels(Precision::f32), cuda_velocity_kernels(Precision::f64)},
+      {all_velocity_kernels(Precision::f32), all_velocity_kernels(Precision::f64)},
       {cuda_world_kernels(Precision::f32), cuda_world_kernels(Precision::f64)},
       {all_derivative_kernels(Precision::f32), all_derivative_kernels(Precision::f64)}};
   return catalogue;

@@ -21,7 +21,9 @@ WarmStartKernels cuda_warm_start_kernels(Precision precision);
 BodyKernels cuda_body_kernels();
 NewtonBodyKernels cuda_newton_body_kernels();
 JacobianKernels cuda_jacobian_kernels(Precision precision);
-VelocityKernels cuda_velocity_kernels(Precision precision);
+/// Adds kernels of environments of up to kMostVelocityDofs, and of larger ones.
+void add_cuda_velocity_kernels(Precision precision, VelocityKernels& to);
+void add_cuda_velocity_part_kernels(Precision precision, VelocityKernels& to);
 WorldKernels cuda_world_kernels(Precision precision);
 DerivativePair cuda_derivative_kernels(Precision precision);
 DerivativePair cuda_relaxed_kernels(Precision precision);

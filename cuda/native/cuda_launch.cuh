@@ -13,8 +13,12 @@ static_assert(sizeof(CudaTeamMemory) == cuda::kTeamBytes && sizeof(CudaGridMemor
 template <class Program>
 inline constexpr bool kMayBeGrid = requires { requires Program::kTakesDevice; };
 
+/// True if a team of every launch is a warp or a part of one.
 template <class Program>
-using TeamOf = CudaTeam<kMayBeGrid<Program>>;
+inline constexpr bool kIsInWarp = requires { requires Program::kInWarp; };
+
+template <class Program>
+using TeamOf = CudaTeam<kMayBeGrid<Program>, kIsInWarp<Program>>;
 
 /// One copy of the program in a kernel, whatever the team is.
 template <class Program>

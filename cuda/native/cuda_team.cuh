@@ -36,15 +36,18 @@ __device__ __noinline__ inline void sync_grid() {
 }
 
 /// CUDA threads that own one environment: a part of a warp, a block, or a whole cooperative grid. How many is known at
-/// run time only, so that one kernel serves every class; all branches on it are uniform.
+/// run time only, so that one kernel serves every class; all branches on it are uniform. With kIsInWarp it is a warp at
+/// most, and no barrier asks.
 ///
 /// A block is `blockDim.x` lanes of each of `blockDim.y` teams. So what a part of a warp asks of its team is in special
 /// registers. An object would lie in local memory, since it is handed to functions, and be read again at every step.
 ///
 /// In a block or a grid values pass through two slots, which alternate. A lane that fills a slot for the next but one
 /// time has passed the barrier between. So has every reader of the first, so one barrier for each exchange is enough.
-template <bool kMayBeGrid>
+template <bool kMayBeGrid, bool kIsInWarp = false>
 class CudaTeam {
+  static_assert(!kMayBeGrid || !kIsInWarp);
+
  public:
   static constexpr Index kRowTile = 1;
 
@@ -60,7 +63,9 @@ class CudaTeam {
   [[nodiscard]] __device__ Index size() const { return is_grid() ? static_cast<Index>(gridDim.x) * lanes() : lanes(); }
 
   __device__ void sync() const {
-    if (lanes() == kWarp) {
+    if constexpr (kIsInWarp) {
+      __syncwarp(mask());
+    } else if (lanes() == kWarp) {
       __syncwarp();
     } else if (lanes() < kWarp) {
       __syncwarp(mask());
@@ -78,7 +83,7 @@ class CudaTeam {
     static_assert(std::is_trivially_copyable_v<T> && sizeof(T) <= CudaTeamMemory::kSlotBytes);
     Box<T> box;
     if (rank() == 0) box.value = f();
-    if (lanes() > kWarp) {
+    if (!kIsInWarp && lanes() > kWarp) {
       through_slots(box);
     } else if constexpr (sizeof(T) <= kShuffledBytes) {
       shuffle(box);
@@ -141,7 +146,7 @@ class CudaTeam {
   /// f(mask) of this warp's lanes of the team. A mask that is a constant costs nothing.
   template <class F>
   static __device__ auto with_mask(F&& f) {
-    return lanes() >= kWarp ? f(kAllLanes) : f(mask());
+    return !kIsInWarp && lanes() >= kWarp ? f(kAllLanes) : f(mask());
   }
 
   __device__ int next_turn() { return turn_ ^= 1; }
@@ -186,7 +191,7 @@ class CudaTeam {
   /// Joins one value per warp, equal on its lanes, into one for the team.
   template <class T, class F>
   __device__ T over_warps(T value, T nothing, F&& join) {
-    if (lanes() <= kWarp) return value;
+    if (kIsInWarp || lanes() <= kWarp) return value;
     const int turn = next_turn();
     T* const slot = reinterpret_cast<T*>(own_block().slot[turn]);
     if (threadIdx.x % kWarp == 0) slot[threadIdx.x / kWarp] = value;

@@ -10,8 +10,9 @@
 
 namespace stiction::distributed {
 
+// An abort of MPI took more than half a second on a busy machine, and another rank spoke meanwhile.
 void give_up(int rank, const std::string& sentence, int status) {
-  std::this_thread::sleep_for(std::chrono::milliseconds(250) * (rank < 16 ? rank : 16));
+  std::this_thread::sleep_for(std::chrono::seconds(rank < 16 ? rank : 16));
   fmt::print(stderr, "stiction-mpi: {}\n", sentence);
   std::fflush(stderr);
   mpi_abort(status);

@@ -7,6 +7,7 @@ import time
 import numpy as np
 
 try:
+    import gymnasium
     import torch
     from gymnasium.vector import AutoresetMode
     from stable_baselines3 import PPO
@@ -27,7 +28,7 @@ EVALUATION = 1e-8      # tolerance that a finished policy is judged at
 
 class Curve(BaseCallback):
     """Prints one line after each rollout: steps, seconds of the wall's clock and of the processor's (all threads),
-    reward per thousand steps, the solver's iterations. Sets the accuracy of the next one by the policy."""
+    reward per thousand steps, the solver's iterations. Sets the accuracy of the next one by the policy, if there is one."""
 
     def __init__(self, envs, accuracy, total):
         super().__init__()
@@ -37,8 +38,9 @@ class Curve(BaseCallback):
         self._bar = Progress(total=total, title="training", unit="step")
 
     def _on_rollout_start(self):
-        self._envs.set_accuracy(self._accuracy.apply(progress=min(1.0, self.num_timesteps / self._total)))
-        self._envs.simulation.clear()
+        if self._accuracy is not None:
+            self._envs.set_accuracy(self._accuracy.apply(progress=min(1.0, self.num_timesteps / self._total)))
+            self._envs.simulation.clear()
         self._began = time.perf_counter()
 
     def _on_step(self):
@@ -49,7 +51,8 @@ class Curve(BaseCallback):
         return True
 
     def _on_rollout_end(self):
-        now, spent = time.perf_counter(), self._envs.simulation.seconds
+        now = time.perf_counter()
+        spent = self._envs.simulation.seconds if self._accuracy is not None else dict(solve=0.0, assemble=0.0)
         iterations = self._envs.simulation.status["iterations"]
         self.rows.append({"steps": self.num_timesteps, "seconds": round(now - self._start, 2),
                           "cpu_seconds": round(time.process_time() - self._cpu, 2),
@@ -64,16 +67,18 @@ class Curve(BaseCallback):
         self._bar.close()
 
 
-def train(task, steps, envs=32, seed=0, accuracy=None):
-    """The rows of a training run, its policy, and its observations' normalisation."""
+def train(task, steps, envs=32, seed=0, accuracy=None, engine="mujoco"):
+    """The rows of a training run, its policy, and its observations' normalisation. In lanes the accuracy is fixed."""
     torch.manual_seed(seed)
     torch.set_num_threads(1)
-    vector = MujocoVectorEnv(task, envs, autoreset_mode=AutoresetMode.SAME_STEP)
+    vector = MujocoVectorEnv(task, envs, autoreset_mode=AutoresetMode.SAME_STEP, engine=engine, tolerance=1e-4)
+    if accuracy is None and engine == "mujoco":
+        accuracy = AccuracyPolicy.fixed(1e-4)
     learner_envs = VecNormalize(Sb3VecEnv(vector), gamma=0.99)
     learner_envs.seed(seed)
     model = PPO("MlpPolicy", learner_envs, n_steps=ROLLOUT, batch_size=512, n_epochs=10, learning_rate=3e-4, seed=seed,
                 device="cpu", verbose=0)
-    curve = Curve(vector, accuracy or AccuracyPolicy.fixed(1e-4), steps)
+    curve = Curve(vector, accuracy, steps)
     model.learn(steps, callback=curve)
     return curve.rows, model, learner_envs
 
@@ -95,6 +100,20 @@ def evaluate(task, model, normalised, envs=8, steps=1000):
         if over.any():
             observations, _ = vector.reset(options={"reset_mask": over})
     return float(total.mean())
+
+
+def evaluate_in_gymnasium(task, model, normalised, episodes=8):
+    """Mean return of a policy without exploration, and mean steps until an end, in Gymnasium's own environment: mj_step."""
+    env = gymnasium.make(f"{task}-v5")
+    total = steps = 0
+    for episode in Progress(range(episodes), title="evaluation by mj_step", unit="episode"):
+        observation, _ = env.reset(seed=1000 + episode)
+        over = False
+        while not over:
+            action, _ = model.predict(normalised.normalize_obs(observation.astype(np.float32)), deterministic=True)
+            observation, reward, terminated, truncated, _ = env.step(action)
+            total, steps, over = total + reward, steps + 1, terminated or truncated
+    return total / episodes, steps / episodes
 
 
 def write(path, rows):

@@ -3,6 +3,7 @@
 #include "python/src/names.hpp"
 #include "python/src/solver.hpp"
 #include "stiction/bodies.hpp"
+#include "stiction/error.hpp"
 
 namespace nb = nanobind;
 
@@ -12,6 +13,9 @@ namespace {
 
 /// "newton" and "multigrid" are Newton's method, "pgs" plain sequential impulses, any other name those with momentum.
 BodySolverOptions body_options(const SolverOptions& options, const std::string& solver) {
+  if (options.blocks != BlockMode::cones)
+    throw Error(ErrorCode::invalid_argument, std::string("blocks = ") + to_string(options.blocks) +
+                                                 ": blocks are of contact systems; leave blocks = cones for bodies");
   BodySolverOptions body;
   const bool newton = solver == "newton" || solver == "multigrid";
   body.method = newton ? BodyMethod::newton : BodyMethod::impulses;
@@ -58,16 +62,18 @@ void bind_body_solver(nb::module_& module) {
           "__init__",
           [](BodyOptions* self, const SolverOptions& options, const std::string& solver, const std::string& law,
              double dt, double erp, double slop, double cfm, double restitution_threshold, Index substeps,
-             Index max_contacts) {
+             Index max_contacts, bool asynchronous) {
             BodySolverOptions body = body_options(options, solver);
             body.box_friction = !options.law && law == "boxed";
             if (!body.box_friction) body.law = options.law ? *options.law : law_from(law);
             body.substeps = substeps;
             body.max_contacts_per_env = max_contacts;
+            body.asynchronous = asynchronous;
             new (self) BodyOptions{{dt, erp, slop, cfm, restitution_threshold}, body};
           },
           nb::arg("options"), nb::arg("solver"), nb::arg("law"), nb::arg("dt"), nb::arg("erp"), nb::arg("slop"),
-          nb::arg("cfm"), nb::arg("restitution_threshold"), nb::arg("substeps"), nb::arg("max_contacts"));
+          nb::arg("cfm"), nb::arg("restitution_threshold"), nb::arg("substeps"), nb::arg("max_contacts"),
+          nb::arg("asynchronous") = false);
   nb::class_<SharedBodySolver>(module, "BodySolver", "A solver of bodies on one device, with one set of options.")
       .def(
           "__init__",

@@ -65,6 +65,7 @@ NB_MODULE(_core, module) {
   stiction::python::bind_derivative(module);
   stiction::python::bind_jacobian_bodies(module);
   stiction::python::bind_world(module);
+  stiction::python::bind_articulated(module);
   stiction::python::bind_packed(module);
   stiction::python::bind_reports(module);
   stiction::python::bind_files(module);

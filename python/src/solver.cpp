@@ -209,16 +209,18 @@ void bind_solver(nb::module_& module) {
           [](SolverOptions* self, const std::string& solver, const std::optional<std::string>& law, double tolerance,
              Index max_iterations, Index stall_window, double omega, int threads, bool isolate,
              const std::string& islands, Index direct_rows, Tracer* tracer, double absolute_tolerance,
-             const std::string& choose, const nb::dict& spectrum) {
+             const std::string& choose, const nb::dict& spectrum, const std::string& blocks) {
             new (self) SolverOptions(options_from(solver, law, tolerance, max_iterations, stall_window, omega, threads,
                                                   isolate, islands, direct_rows, choose, spectrum));
             self->tracer = tracer;
             self->absolute_tolerance = absolute_tolerance;
+            self->blocks = block_mode_from_string(blocks);
           },
           nb::arg("solver"), nb::arg("law").none(), nb::arg("tolerance"), nb::arg("max_iterations"),
           nb::arg("stall_window"), nb::arg("omega"), nb::arg("threads"), nb::arg("isolate"), nb::arg("islands"),
           nb::arg("direct_rows"), nb::arg("tracer").none(), nb::arg("absolute_tolerance") = 0.0,
-          nb::arg("choose") = "named", nb::arg("spectrum") = nb::dict(), nb::keep_alive<1, 12>());
+          nb::arg("choose") = "named", nb::arg("spectrum") = nb::dict(), nb::arg("blocks") = "cones",
+          nb::keep_alive<1, 12>());
   nb::class_<FormSolver>(module, "FormSolver", "Solvers of one device and one set of options, for every form.")
       .def(
           "__init__",

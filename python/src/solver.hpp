@@ -101,6 +101,7 @@ void bind_stepper(nanobind::module_& module);
 void bind_derivative(nanobind::module_& module);
 void bind_jacobian_bodies(nanobind::module_& module);
 void bind_world(nanobind::module_& module);
+void bind_articulated(nanobind::module_& module);
 void bind_packed(nanobind::module_& module);
 void bind_reports(nanobind::module_& module);
 void bind_files(nanobind::module_& module);

@@ -208,10 +208,11 @@ def test_a_checkpoint_is_taken_up_by_another_number_of_ranks(envs_of, alone, tmp
 
 @pytest.mark.parametrize("first", [7, 12])  # after a reset; within an episode
 @pytest.mark.parametrize("name", ["Ant", "HalfCheetah", "Hopper", "Walker2d", "Humanoid"])
-def test_every_task_goes_on_from_its_states(envs_of, name, first):
+@pytest.mark.parametrize("engine", ["mujoco", "lanes"])
+def test_every_task_goes_on_from_its_states(envs_of, engine, name, first):
     from stiction.envs import MujocoVectorEnv
     shard = Shard(2, 5, 8)
-    one, other = (MujocoVectorEnv(name, shard=shard, max_episode_steps=6, threads=threads) for threads in (1, 2))
+    one, other = (MujocoVectorEnv(name, shard=shard, max_episode_steps=6, threads=threads, engine=engine) for threads in (1, 2))
     one.reset(seed=3)
     draw = np.random.default_rng(0)
     actions = [draw.uniform(-0.3, 0.3, one.action_space.shape) for _ in range(24)]

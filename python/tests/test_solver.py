@@ -40,6 +40,16 @@ def test_bits_are_those_of_the_command_line(data, cli, tmp_path, name, precision
     assert solution.hash() == json.loads(report.read_text())["hash"]
 
 
+@pytest.mark.parametrize("blocks", ["pairs", "strong"])
+def test_blocks_have_the_bits_of_the_command_line(data, cli, tmp_path, blocks):
+    report = tmp_path / "report.json"
+    subprocess.run([cli, "solve", data / "pile.h5", "--solver", "npgs", "--blocks", blocks, "--tolerance", "1e-6", "--json",
+                    report], check=True, stdout=subprocess.DEVNULL)
+    told = json.loads(report.read_text())
+    solution = Solver(solver="npgs", tolerance=1e-6, blocks=blocks).solve(Batch.from_file(data / "pile.h5"))
+    assert solution.solved.all() and told["blocks"] == blocks and solution.hash() == told["hash"]
+
+
 def test_saved_batches_are_solved_alike_by_the_command_line(padded, cli, tmp_path):
     batch = Batch.from_delassus(padded.A, padded.b, counts=padded.counts, mu=0.7, law="coulomb")
     batch.save(tmp_path / "batch.h5")
@@ -252,3 +262,7 @@ def test_solvers_are_chosen_by_the_spectrum():
         depth=np.zeros((1, 1)))
     with pytest.raises(ValueError, match="choose: expected 'named' for bodies"):
         stiction.Solver(choose="spectrum").solve(bodies)
+    with pytest.raises(stiction.Error, match="blocks = pairs: blocks are of contact systems"):
+        stiction.Solver(solver="npgs", blocks="pairs").solve(bodies)
+    with pytest.raises(stiction.Error, match="asynchronous = true with law = coulomb"):
+        stiction.Solver(solver="npgs", law="coulomb", asynchronous=True).solve(bodies)

@@ -3,20 +3,22 @@
 import contextlib
 import io
 import re
+import runpy
 
+import numpy as np
 import pytest
 from conftest import ROOT
 
 FEWER = {"COUNT, STEPS, ROUNDS = 64, 100, 20": "COUNT, STEPS, ROUNDS = 32, 50, 10"}
 
 
-def run(page):
+def run(page, least=5):
     text = (ROOT / "docs" / "tutorials" / page).read_text(encoding="utf-8")
     for shown, shorter in FEWER.items():
         text = text.replace(shown, shorter)
     names = {}
     blocks = list(re.finditer(r"```python\n(.*?)```(?:\s*```text\n(.*?)```)?", text, re.DOTALL))
-    assert len(blocks) >= 5
+    assert len(blocks) >= least
     for block in blocks:
         printed = io.StringIO()
         with contextlib.redirect_stdout(printed):
@@ -43,5 +45,18 @@ def test_differentiate_a_slide():
 def test_ants_in_ten_minutes():
     pytest.importorskip("gymnasium", reason="the tutorial of ants is NOT tested: pip install gymnasium mujoco")
     pytest.importorskip("mujoco", reason="the tutorial of ants is NOT tested: pip install gymnasium mujoco")
-    names = run("ants_in_ten_minutes.md")
+    names = run("ants_in_ten_minutes.md", least=4)
     assert len(names["curve"]) == 10
+
+
+def test_a_robot_of_ones_own(monkeypatch):
+    mujoco = pytest.importorskip("mujoco", reason="the tutorial of a robot is NOT tested: pip install mujoco")
+    monkeypatch.chdir(ROOT)
+    names = run("a_robot_of_ones_own.md", least=2)
+    assert names["robots"].solved.all()
+    pytest.importorskip("stable_baselines3", reason="NOT compared with the example's model: pip install stable-baselines3")
+    example = runpy.run_path(str(ROOT / "examples" / "python" / "14_quadruped.py"))["flat_model"]()
+    saved = [np.empty(mujoco.mj_sizeModel(model), np.uint8) for model in (names["model"], example)]
+    for model, buffer in zip((names["model"], example), saved):
+        mujoco.mj_saveModel(model, None, buffer)
+    assert np.array_equal(*saved)

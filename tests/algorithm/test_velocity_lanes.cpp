@@ -187,7 +187,8 @@ TEST(VelocityLanes, ALargeTreeKeepsToItsRoom) {
   const auto fits = [&](Index dofs, const auto& coupled_of) {
     std::vector<LargeDofSet> coupled(static_cast<std::size_t>(dofs));
     for (Index k = 0; k < dofs; ++k) coupled[static_cast<std::size_t>(k)] = coupled_of(k);
-    return build_tree(*tree, dofs, coupled.data(), no_slots, 0);
+    SerialTeam alone;
+    return build_tree(alone, *tree, dofs, coupled.data(), no_slots, 0);
   };
   const auto dense = [](Index k) { return below<LargeDofSet>(k); };
   EXPECT_TRUE(fits(180, dense)) << "16290 entries";
@@ -227,7 +228,7 @@ Index tree_entries(const JacobianEnvironment<double>& env, MassForm form) {
   add_mass_dofs(alone, lane_env(batch.view(), 0), coupled);
   const auto tree = std::make_unique<DofTree<DofSet>>();
   Slot<1, DofSet>* const no_slots = nullptr;
-  EXPECT_TRUE(build_tree(*tree, static_cast<Index>(env.v_free.size()), coupled, no_slots, 0));
+  EXPECT_TRUE(build_tree(alone, *tree, static_cast<Index>(env.v_free.size()), coupled, no_slots, 0));
   return tree->entries;
 }
 

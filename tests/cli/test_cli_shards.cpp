@@ -67,8 +67,9 @@ TEST_F(Shards, AnyNumberOfPartsMakesTheFileOfOneCall) {
 }
 
 TEST_F(Shards, WithEveryOptionThatTouchesTheOrderOrTheNumbers) {
-  for (const Words& options : {Words{"--precision", "f32"}, Words{"--permute", "3"}, Words{"--islands", "apart"},
-                               Words{"--solver", "nsgs", "--tolerance", "1e-8"}, Words{"--pyramid", "4"}})
+  for (const Words& options :
+       {Words{"--precision", "f32"}, Words{"--permute", "3"}, Words{"--islands", "apart"}, Words{"--blocks", "pairs"},
+        Words{"--solver", "nsgs", "--tolerance", "1e-8"}, Words{"--pyramid", "4"}})
     expect_one_file(batch_, 3, options);
   const std::string islands = write_batch(folder_ / "islands.h5", island_recording(4));
   expect_one_file(islands, 3, {"--islands", "apart"});

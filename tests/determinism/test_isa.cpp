@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <new>
 #include <string>
+#include <string_view>
 
 #include "core/base/fp_env.hpp"
 #include "core/plan/plan.hpp"
@@ -206,10 +207,11 @@ TEST_P(ShippedIsa, RunsHere) {
 INSTANTIATE_TEST_SUITE_P(Isa, ShippedIsa, testing::ValuesIn(kShippedIsas),
                          [](const auto& name) { return std::string(name.param); });
 
-#if defined(STICTION_TEST_PACK_WIDTHS)
+#if defined(STICTION_TEST_PACK_WIDTHS)  // those that a build has: a sanitizer's is without packs of 16 bytes
 TEST(PackWidths, OfSixteenBytesAreTestedAnywhereThoseOfSixtyFourWhereverAvx2Runs) {
   for (const auto& [name, bytes] : {std::pair{"narrow", 16}, std::pair{"wide", 64}}) {
     SCOPED_TRACE(name);
+    if (std::string_view(STICTION_TEST_PACK_WIDTHS).find(name) == std::string_view::npos) continue;
     const cpu::Isa* isa = cpu::find_isa(name);
     if (bytes > 16 && cpu::find_isa("avx2") == nullptr) GTEST_SKIP() << "avx2 not run here, nor packs of 64 bytes";
     ASSERT_NE(isa, nullptr);

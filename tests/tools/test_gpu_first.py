@@ -7,6 +7,7 @@ import json
 import lzma
 import os
 import pathlib
+import re
 import shutil
 import signal
 import subprocess
@@ -47,7 +48,7 @@ class GpuFirst(unittest.TestCase):
         self.assertEqual(status, 0)
 
     def test_the_emulated_device_has_the_cpus_bits(self):
-        status, lines = run("--device", "emulated", "--only", "device,plan,class/dense,form/derivative,form/stepping,capture/cold,time/dense_tile,hash/piles,robot/piles/jm")
+        status, lines = run("--device", "emulated", "--only", "device,plan,class/dense,form/derivative,form/stepping,capture/cold,capture/leftovers,time/dense_tile,hash/piles,robot/piles/jm")
         self.assertEqual(status, 0, lines)
         self.assertEqual({line["result"] for line in lines}, {"equal", "right", "measured"})
 
@@ -281,6 +282,14 @@ echo "the end" | tee -a "$summary"
         self.assertEqual(prebuilt_cuda.split(names, set()), (names, []))
         with self.assertRaisesRegex(SystemExit, "names cuda_nothing; there are cuda_npgs cuda_pgs"):
             prebuilt_cuda.split(names, {"cuda_nothing"})
+
+    def test_no_kernel_that_auto_may_take_is_left_out(self):
+        script = (ROOT / "scripts" / "pack_for_gpu.sh").read_text()
+        left_out = re.search(r"STICTION_PACK_WITHOUT-([\w,]+)}", script).group(1).split(",")
+        chain = "".join((ROOT / "core" / "job" / f"fallback_{name}.hpp").read_text() for name in ("chain", "order"))
+        taken = set(re.findall(r"SolverKind::(\w+)", chain))
+        self.assertLessEqual({"subspace", "jacobi"}, taken)
+        self.assertEqual({name.removeprefix("cuda_") for name in left_out} & taken, set())
 
     def test_a_source_that_is_new_or_gone_is_named(self):
         root = self.folder / "root"

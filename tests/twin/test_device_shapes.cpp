@@ -7,6 +7,7 @@
 #include "cuda/machine/engine.hpp"
 #include "stiction/error.hpp"
 #include "tests/support/machines/counting_device.hpp"
+#include "tests/support/machines/device_jacobians.hpp"
 #include "tests/support/machines/every_solver.hpp"
 
 /// What launches of the engine ask for, against what GPUs have. One that asks for more fails there whatever the batch,
@@ -107,6 +108,41 @@ TEST(DeviceShapes, GradientsComeEarlyOnlyWhereAnEnvironmentMayBeLargeEnough) {
     launches[rows] = device.launches;
   }
   EXPECT_EQ(launches[243] - launches[242], 2 * (1 + 5));
+}
+
+/// Launches of a solve of J and M by `auto`, of as many environments as there is room for.
+std::shared_ptr<CountingDevice> queue_jacobians(Offset envs, Index rows, Index dofs, double tolerance, bool captured) {
+  const auto device = std::make_shared<CountingDevice>(kGpus[0]);
+  device->is_capturing = captured;
+  const JacobianCapacity capacity = JacobianCapacity::of_largest(envs, rows, rows, dofs);
+  SolverOptions options;
+  options.solver = SolverKind::automatic;
+  options.tolerance = tolerance;
+  Machine<float> machine(device, capacity, FactorUse::by_size, options);
+  JacobianBatchView<float> batch;
+  batch.env_count = envs;
+  batch.space = MemorySpace::cuda;
+  machine.solve(batch, {}, StreamRef::default_stream());
+  return device;
+}
+
+/// Counted by hand, of what is behind no condition: Newton's method in velocities has one to four launches here. One
+/// counts environments before it, and one looks for what it has left. One sets the condition, and one writes.
+TEST(DeviceShapes, AGraphOfASolvedBatchOfJacobiansHasFewLaunches) {
+  for (const auto& [rows, dofs] : {std::pair{42, 35}, {12, 27}, {19, 18}, {29, 22}})
+    for (const Offset envs : {1024, 4096, 16384})
+      for (const double tolerance : {1e-4, 1e-6}) {
+        SCOPED_TRACE(std::to_string(rows) + " rows, " + std::to_string(dofs) + " degrees of freedom, " +
+                     std::to_string(envs) + " environments, " + std::to_string(tolerance));
+        const auto captured = queue_jacobians(envs, rows, dofs, tolerance, true);
+        const auto queued = queue_jacobians(envs, rows, dofs, tolerance, false);
+        EXPECT_EQ(captured->conditions, 1);
+        EXPECT_LE(captured->launches + captured->conditions, tolerance < 1e-5 ? 8 : 6);
+        EXPECT_EQ(captured->launches - 1 + captured->conditional_launches, queued->launches)
+            << "all but the one that looks for what is left";
+        EXPECT_GT(captured->conditional_launches, 20);
+        EXPECT_EQ(queued->conditional_launches, 0);
+      }
 }
 
 /// A block's barrier is for all of its threads: two teams that wait by it wait for each other.

@@ -40,6 +40,7 @@ struct Setting {
   Offset room = Offset{40} << 10;
   bool in_double = false;
   std::uint64_t seed = 0;
+  bool at_any_pace = false;
 };
 
 /// Answers of one launch by teams.
@@ -49,6 +50,7 @@ Answers<Real> solve_by_teams(const JacobianBatch<Real>& batch, const Setting<Rea
   cuda::EmulatedDeviceOptions options;
   options.lanes = setting.lanes;
   options.seed = setting.seed;
+  options.at_any_pace = setting.at_any_pace;
   cuda::EmulatedDevice device(options);
   const JacobianBatchView<Real> view = batch.view();
   Answers<Real> answers = no_answers(view);
@@ -73,6 +75,8 @@ JacobianBatch<Real> chains(Law law, MassForm form) {
     batch.add(cast<Real>(in_form(random_chain({seed, dofs, cones_of_every_kind()}), form)));
   }
   batch.add(cast<Real>(in_form(random_chain({9, 12, {}}), form)));
+  // Roots of two and of four rows, which are eliminated together.
+  for (const Index dofs : {2, 4}) batch.add(cast<Real>(in_form(random_chain({10, dofs}), form)));
   return batch;
 }
 
@@ -107,6 +111,18 @@ TEST(VelocityTeams, HaveTheBitsOfOneLane) {
       expect_bits_of_one_lane<double>(law, form, 1e-8);
       expect_bits_of_one_lane<float>(law, form, 1e-4);
     }
+}
+
+/// A lane that dawdles behind a barrier shows where another reads what it has yet to write.
+TEST(VelocityTeams, HaveThemAtAnyPace) {
+  JacobianBatch<float> batch(Law::convex);
+  for (const Index dofs : {2, 4, 9}) batch.add(cast<float>(random_chain({10, dofs})));
+  const auto expected = solve_one_by_one(batch, upwards(batch.env_count()), 1e-4);
+  for (std::uint64_t seed = 1; seed <= 4; ++seed) {
+    SCOPED_TRACE(seed);
+    expect_the_same(expected,
+                    without_marks(solve_by_teams(batch, Setting<float>{8, Offset{40} << 10, false, seed, true}, 1e-4)));
+  }
 }
 
 TEST(VelocityTeams, HaveThemFromEveryStart) {

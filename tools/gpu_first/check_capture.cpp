@@ -1,8 +1,13 @@
 #include <unistd.h>
 
+#include "stiction/jacobian_solver.hpp"
+#include "tests/support/golden/case.hpp"
 #include "tests/support/machines/device_batch.hpp"
+#include "tests/support/systems/jacobian_answer.hpp"
+#include "tests/support/systems/roomy_jacobians.hpp"
 #include "tests/support/systems/small_systems.hpp"
 #include "tests/support/systems/twin_batches.hpp"
+#include "tests/support/systems/velocity_cases.hpp"
 #include "tools/gpu_first/arrays.hpp"
 #include "tools/gpu_first/check.hpp"
 
@@ -74,6 +79,71 @@ void capture_replay(Report& report) {
           return hashes;
         });
   }
+}
+
+/// Iterations that environments may have in three launches of one graph. In the second one Newton's method in
+/// velocities leaves some.
+std::vector<std::vector<Index>> iterations_by_launch(Offset envs) {
+  const std::vector<Index> enough(static_cast<std::size_t>(envs), 60);
+  std::vector<Index> few = enough;
+  for (std::size_t env = 0; env < few.size(); env += 5) few[env] = 2;
+  return {enough, few, enough};
+}
+
+std::uint64_t hash_of_answer(const test::JacobianAnswer<float>& answer) {
+  test::Digest status;
+  status.add(std::span<const EnvStatus>(answer.status));
+  return joined(Hashes{hash_of(answer.lambda), hash_of(answer.w), hash_of(answer.velocity), status.value()});
+}
+
+/// One graph of `auto` on J and M, in which what follows Newton's method in velocities is behind a condition.
+void capture_leftovers(Report& report) {
+  JacobianBatch<float> batch(Law::convex);
+  for (std::uint64_t seed = 1; seed <= (report.setting().full ? 400U : 6U); ++seed)
+    batch.add(test::cast<float>(test::random_chain({seed, static_cast<Index>(9 + seed % 20)})));
+  SolverOptions options = test::options(SolverKind::automatic, 1e-4, 60);
+  options.threads = 0;
+  JacobianBatchView<float> host = batch.view();
+  const auto launches = iterations_by_launch(host.env_count);
+  const JacobianCapacity capacity = JacobianCapacity::of(host);
+  report.compare(
+      "auto f32",
+      [&] {
+        Hashes hashes;
+        for (const std::vector<Index>& iterations : launches) {
+          host.env_max_iterations = iterations.data();
+          test::JacobianAnswer<float> answer(host);
+          JacobianSolver<float>(Device::cpu(), options, capacity).solve(host, answer.view(), JacobianStart<float>{});
+          hashes.push_back(hash_of_answer(answer));
+        }
+        return hashes;
+      },
+      [&] {
+        Arrays arrays(report.target()->api());
+        JacobianSolver<float> solver(report.target()->device(), options, capacity);
+        host.env_max_iterations = nullptr;
+        JacobianBatchView<float> view = on_device(arrays, host);
+        Index* const allowed = arrays.room<Index>(host.env_count);
+        view.env_max_iterations = allowed;
+        const JacobianSolutionView<float> there{arrays.room<float>(host.row_count), arrays.room<float>(host.row_count),
+                                                arrays.room<float>(host.dof_count),
+                                                arrays.room<EnvStatus>(host.env_count)};
+        const auto launch = report.target()->capture(
+            arrays.stream(), [&] { solver.solve(view, there, JacobianStart<float>{}, StreamRef(arrays.stream())); });
+        Hashes hashes;
+        for (const std::vector<Index>& iterations : launches) {
+          report.target()->api()->copy(allowed, iterations.data(), iterations.size() * sizeof(Index),
+                                       cuda::CopyKind::to_device, arrays.stream());
+          launch();
+          test::JacobianAnswer<float> answer(host);
+          answer.lambda = arrays.fetch(there.lambda, host.row_count);
+          answer.w = arrays.fetch(there.w, host.row_count);
+          answer.velocity = arrays.fetch(there.velocity, host.dof_count);
+          answer.status = arrays.fetch(there.status, host.env_count);
+          hashes.push_back(hash_of_answer(answer));
+        }
+        return hashes;
+      });
 }
 
 /// Two solvers whose cooperative grids are on the device at once. Each asks for all of it: if the driver let both
@@ -155,6 +225,7 @@ void many_environments(Report& report) {
 void add_capture(Checks& checks) {
   checks.push_back({"capture/cold", 20, capture_cold});
   checks.push_back({"capture/replay", 30, capture_replay});
+  checks.push_back({"capture/leftovers", 20, capture_leftovers});
   checks.push_back({"capture/two_grids", 25, two_grids});
 }
 

@@ -11,6 +11,13 @@ STICTION_HD ContactCandidate<T> on_plane(const Vector3<T>& n, const Vector3<T>& 
   return {add_scaled(p, -fma_(T(0.5), depth, height), n), n, depth, feature};
 }
 
+/// Corner k of a box from its centre, in its axes. Bits 0, 1, 2 of k are the signs of x, y, z.
+template <class T, class S>
+STICTION_HD Vector3<T> corner_of(const S (&size)[3], Index k) {
+  return {T((k & 1) != 0 ? size[0] : -size[0]), T((k & 2) != 0 ? size[1] : -size[1]),
+          T((k & 4) != 0 ? size[2] : -size[2])};
+}
+
 /// One point for a sphere, one under each end of a capsule.
 template <class T>
 STICTION_HD_OUTLINE Manifold<T> plane_round(const PlacedShape<T>& plane, const PlacedShape<T>& round, T margin) {
@@ -26,8 +33,7 @@ STICTION_HD_OUTLINE Manifold<T> plane_round(const PlacedShape<T>& plane, const P
   return found;
 }
 
-/// The four deepest corners, the lower number first among equals. Bits 0, 1, 2 of a corner's number are the signs of
-/// x, y, z.
+/// The four deepest corners, the lower number first among equals.
 template <class T>
 STICTION_HD_OUTLINE Manifold<T> plane_box(const PlacedShape<T>& plane, const PlacedShape<T>& box, T margin) {
   Manifold<T> found;
@@ -35,9 +41,7 @@ STICTION_HD_OUTLINE Manifold<T> plane_box(const PlacedShape<T>& plane, const Pla
   Vector3<T> corner[8];
   T height[8];
   for (Index k = 0; k < 8; ++k) {
-    const Vector3<T> e{(k & 1) != 0 ? box.size[0] : -box.size[0], (k & 2) != 0 ? box.size[1] : -box.size[1],
-                       (k & 4) != 0 ? box.size[2] : -box.size[2]};
-    corner[k] = added(box.centre, along(box.axes, e));
+    corner[k] = added(box.centre, along(box.axes, corner_of<T>(box.size, k)));
     height[k] = dot(n, subtract(corner[k], plane.centre));
   }
   for (Index k = 0; k < 8; ++k) {

@@ -29,6 +29,16 @@ STICTION_HD T length(const Vector3<T>& a) {
   return sqrt_(dot(a, a));
 }
 
+/// A vector of unit length, or `otherwise` where it is no longer than `least`.
+template <class T>
+STICTION_HD Vector3<T> direction_of(const Vector3<T>& a, const Vector3<T>& otherwise, T least) {
+  const T size = length(a);
+  const auto has_size = size > least;
+  const T safe = select(has_size, size, T(1));
+  return {select(has_size, div_(a.x, safe), otherwise.x), select(has_size, div_(a.y, safe), otherwise.y),
+          select(has_size, div_(a.z, safe), otherwise.z)};
+}
+
 /// Components along axes, in world axes.
 template <class T>
 STICTION_HD Vector3<T> along(const Axes3<T>& axes, const Vector3<T>& a) {

@@ -23,52 +23,44 @@ STICTION_HD Vector3<T> point_at(const Segment<T>& segment, T t) {
 template <class T>
 STICTION_HD T nearest_on(const Segment<T>& segment, const Vector3<T>& p) {
   const T square = dot(segment.h, segment.h);
-  if (!(square > T(0))) return T(0);
-  return clamp_(div_(dot(segment.h, subtract(p, segment.centre)), square), T(-1), T(1));
+  const auto has_length = square > T(0);
+  const T t = div_(dot(segment.h, subtract(p, segment.centre)), select(has_length, square, T(1)));
+  return select(has_length, clamp_(t, T(-1), T(1)), T(0));
 }
 
 /// Nearest points of two segments as parameters (Ericson, Real-Time Collision Detection, 2005, section 5.1.9, with the
-/// parameter counted from the centre). Of parallel ones, a pair of nearest points near the first one's centre.
+/// parameter counted from the centre). Parallel ones have a pair of nearest points near the first one's centre.
 template <class T>
 struct NearestPair {
   T s, t;
-  bool parallel;  ///< both have a length, and the same direction
+  Mask<T> parallel;  ///< both have a length, and the same direction
 };
 
+/// `parallel`: the square of the sine below which directions are the same.
 template <class T>
-STICTION_HD_OUTLINE NearestPair<T> nearest_points(const Segment<T>& one, const Segment<T>& other) {
+STICTION_HD_OUTLINE NearestPair<T> nearest_points(const Segment<T>& one, const Segment<T>& other,
+                                                  Scalar<T> parallel = Scalar<T>(kParallel)) {
   const T a = dot(one.h, one.h);
   const T e = dot(other.h, other.h);
   const T b = dot(one.h, other.h);
   const Vector3<T> r = subtract(one.centre, other.centre);
   const T denominator = fma_(a, e, -(b * b));
-  const bool both = a > T(0) && e > T(0);
-  const bool crossed = both && denominator > T(kParallel) * (a * e);
-  T s(0);
-  if (crossed) s = clamp_(div_(b * dot(other.h, r) - dot(one.h, r) * e, denominator), T(-1), T(1));
+  const auto both = and_(a > T(0), e > T(0));
+  const auto crossed = and_(both, denominator > T(parallel) * (a * e));
+  const T first = div_(b * dot(other.h, r) - dot(one.h, r) * e, select(crossed, denominator, T(1)));
+  const T s = select(crossed, clamp_(first, T(-1), T(1)), T(0));
   const T t = nearest_on(other, point_at(one, s));
-  return {nearest_on(one, point_at(other, t)), t, both && !crossed};
+  return {nearest_on(one, point_at(other, t)), t, and_(both, not_(crossed))};
 }
 
-/// The contact of two points with radii; where they coincide, along `otherwise`.
+/// The contact of two points with radii; where they are no farther apart than `least`, along `otherwise`.
 template <class T>
 STICTION_HD ContactCandidate<T> between_points(const Vector3<T>& p, T radius_p, const Vector3<T>& q, T radius_q,
-                                               const Vector3<T>& otherwise, Index feature) {
+                                               const Vector3<T>& otherwise, Index feature, T least = T(0)) {
   const Vector3<T> gap = subtract(q, p);
-  const T distance = length(gap);
-  const Vector3<T> n =
-      distance > T(0) ? Vector3<T>{div_(gap.x, distance), div_(gap.y, distance), div_(gap.z, distance)} : otherwise;
-  const T depth = (radius_p + radius_q) - distance;
+  const Vector3<T> n = direction_of(gap, otherwise, least);
+  const T depth = (radius_p + radius_q) - length(gap);
   return {add_scaled(p, fma_(T(-0.5), depth, radius_p), n), n, depth, feature};
-}
-
-/// A direction across both segments, for centre lines that cross in a point.
-template <class T>
-STICTION_HD Vector3<T> across(const Vector3<T>& a, const Vector3<T>& b) {
-  const Vector3<T> c = cross(a, b);
-  const T size = length(c);
-  if (!(size > T(0))) return {T(0), T(0), T(1)};
-  return {div_(c.x, size), div_(c.y, size), div_(c.z, size)};
 }
 
 /// One point where two round shapes are nearest; where capsules lie along each other, one at each end of the overlap.
@@ -78,7 +70,8 @@ STICTION_HD_OUTLINE Manifold<T> round_round(const PlacedShape<T>& a, const Place
   const Segment<T> one{a.centre, half_segment(a)};
   const Segment<T> other{b.centre, half_segment(b)};
   const NearestPair<T> nearest = nearest_points(one, other);
-  const Vector3<T> otherwise = across(one.h, other.h);
+  // Across both, for centre lines that cross in a point.
+  const Vector3<T> otherwise = direction_of(cross(one.h, other.h), Vector3<T>{T(0), T(0), T(1)}, T(0));
   const auto add = [&](T s, T t, Index feature) {
     found.add(between_points(point_at(one, s), a.size[0], point_at(other, t), b.size[0], otherwise, feature), margin);
   };

@@ -210,7 +210,7 @@ STICTION_HD_OUTLINE void jacobian_vjp_pack(const JacobianVjpJob<typename Types::
       job.assembly.batch, members, count, memory,
       [&](const auto& envs, const auto& lists, const auto& counts) {
         const JacobianVjpWorkspace<Types> workspace = memory.jacobian_vjp_numbers(lists, counts);
-        JacobianVjpPack<Types>(job, envs, lists.tree, lists.slots, counts, workspace, results).run();
+        JacobianVjpPack<Types>(job, envs, *lists.tree, lists.slots, counts, workspace, results).run();
       },
       listed);
   for (Index l = 0; l < count && !fits; ++l) results[l].is_answered = false;

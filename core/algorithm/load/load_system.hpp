@@ -76,6 +76,7 @@ STICTION_HD_SHARED std::uint32_t load_system(TeamT& team, const EnvView<Real>& e
         s.damping[c] = s.share[c] = s.lo[c] = s.hi[c] = 0;
   });
   s.law = env.law;
+  s.has_blocks = env.block_visits > 1;
   const Inspection<Real> seen = inspect(team, env, s);
   std::uint32_t flags = rules.takes_any_diagonal ? seen.flags & ~kFlagBadDiagonal : seen.flags;
   if ((flags & ~kHarmlessFlags) != 0) return flags;

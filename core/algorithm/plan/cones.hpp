@@ -57,14 +57,18 @@ STICTION_HD ConeCounts count_cones(TeamT& team, const StructureView& s, Index* p
   });
 }
 
-/// Counts a dense environment's cones and puts them into canonical order, stably. One lane's work: most such
-/// environments have a lane to themselves, and none has many cones.
+/// Counts a dense environment's cones and puts them into canonical order, stably, or to their places among blocks. One
+/// lane's work: most such environments have a lane to themselves, and none has many cones.
 template <Team TeamT>
 STICTION_HD void plan_dense(TeamT& team, const StructureView& s, ConeCounts* counts, Index* cone_order) {
   single(team, [&] {
     Index next[kCountedBins];
     count_bins(s, 0, s.cones, next);
     *counts = counts_of(next);
+    if (s.has_blocks) {
+      for (Index cone = 0; cone < s.cones; ++cone) cone_order[place_of(s.group[cone])] = cone;
+      return;
+    }
     Index position = 0;
     for (Index bin = 0; bin < kConeBins; ++bin) {
       const Index count = next[bin];

@@ -11,7 +11,8 @@ namespace stiction::inline STICTION_ISA {
 /// store one with it though it stores none with them: `mirrored`. No vertex is in both.
 struct ConflictGraph {
   Index vertices = 0;
-  Index* vertex_begin;    ///< first cone of each vertex, closed by the cone count                (cones + 1)
+  Index* cones;           ///< by vertex                                                          (cones)
+  Index* vertex_begin;    ///< where in `cones` each vertex begins, closed by the cone count      (cones + 1)
   Index* row_vertex;      ///< vertex of each row                                                 (rows)
   Index* stored_begin;    ///< where each vertex's part of `stored` begins, where its entries do  (cones)
   Index* stored_count;    ///< how many are in it                                                 (cones)
@@ -22,7 +23,7 @@ struct ConflictGraph {
   Index* parts;           ///< for scans                                                          (kScanParts)
 
   static STICTION_HD constexpr Offset elements(Offset rows, Offset cones, Offset entry_span) {
-    return 2 * (cones + 1) + 3 * cones + rows + 2 * entry_span + kScanParts;
+    return 2 * (cones + 1) + 4 * cones + rows + 2 * entry_span + kScanParts;
   }
 
   STICTION_HD ConflictGraph(const StructureView& s, Index* memory) {
@@ -30,6 +31,7 @@ struct ConflictGraph {
       array = memory;
       memory += count;
     };
+    take(cones, s.cones);
     take(vertex_begin, Offset{s.cones} + 1);
     take(row_vertex, s.rows);
     take(stored_begin, s.cones);
@@ -59,23 +61,34 @@ STICTION_HD bool has_value(const Index* sorted, Index count, Index value) {
   return place < count && sorted[place] == value;
 }
 
-/// Neighbouring cones of one non-negative group are one vertex, any other cone is a separate one.
+/// A block is one vertex. Without blocks neighbouring cones of one non-negative group are one, any other cone is a
+/// separate one.
 template <Team TeamT>
 STICTION_HD void find_vertices(TeamT& team, const StructureView& s, ConflictGraph& graph) {
-  const auto begins = [&](Index cone) {
+  for_each(team, s.cones, [&](Index cone) { graph.cones[s.has_blocks ? place_of(s.group[cone]) : cone] = cone; });
+  const auto begins = [&](Index place) {
+    const Index cone = graph.cones[place];
+    if (s.has_blocks) return place == 0 || begins_block(s.group[cone]);
     return cone == 0 || s.group == nullptr || s.group[cone] < 0 || s.group[cone] != s.group[cone - 1];
   };
   Index* const before = graph.degree;
-  for_each(team, s.cones, [&](Index cone) { before[cone] = begins(cone) ? 1 : 0; });
+  Index* const room = graph.mirrored_begin;
+  for_each(team, s.cones, [&](Index place) {
+    const Index cone = graph.cones[place];
+    before[place] = begins(place) ? 1 : 0;
+    room[place] = s.entry_begin(s.cone_row(cone + 1)) - s.entry_begin(s.cone_row(cone));
+  });
   graph.vertices = exclusive_scan(team, before, s.cones, graph.parts);
-  for_each(team, s.cones, [&](Index cone) {
-    const Index vertex = begins(cone) ? before[cone] : before[cone] - 1;
-    const Index row = s.cone_row(cone), end = s.cone_row(cone + 1);
-    if (begins(cone)) {
-      graph.vertex_begin[vertex] = cone;
-      graph.stored_begin[vertex] = s.entry_begin(row);
+  exclusive_scan(team, room, s.cones, graph.parts);
+  for_each(team, s.cones, [&](Index place) {
+    const Index vertex = begins(place) ? before[place] : before[place] - 1;
+    if (begins(place)) {
+      graph.vertex_begin[vertex] = place;
+      graph.stored_begin[vertex] = room[place];
     }
-    for (Index i = row; i < end; ++i) graph.row_vertex[i] = vertex;
+    const Index cone = graph.cones[place];
+    const Index end = s.cone_row(cone + 1);
+    for (Index i = s.cone_row(cone); i < end; ++i) graph.row_vertex[i] = vertex;
   });
   single(team, [&] { graph.vertex_begin[graph.vertices] = s.cones; });
 }
@@ -85,8 +98,7 @@ STICTION_HD void find_vertices(TeamT& team, const StructureView& s, ConflictGrap
 STICTION_HD Index gather_stored(const StructureView& s, const ConflictGraph& graph, Index v) {
   Index* const list = graph.stored + graph.stored_begin[v];
   Index count = 0, sorted = 0;
-  const Index end = s.cone_row(graph.vertex_begin[v + 1]);
-  for (Index row = s.cone_row(graph.vertex_begin[v]); row < end; ++row) {
+  const auto gather = [&](Index row) {
     const Index* const columns = s.columns(row);
     const Index entries = s.entries(row);
     for (Index k = 0; k < entries; ++k) {
@@ -96,6 +108,10 @@ STICTION_HD Index gather_stored(const StructureView& s, const ConflictGraph& gra
       list[count++] = u;
       if (goes_on) sorted = count;
     }
+  };
+  for (Index place = graph.vertex_begin[v]; place < graph.vertex_begin[v + 1]; ++place) {
+    const Index end = s.cone_row(graph.cones[place] + 1);
+    for (Index row = s.cone_row(graph.cones[place]); row < end; ++row) gather(row);
   }
   if (sorted == count) return count;
   SerialTeam alone;

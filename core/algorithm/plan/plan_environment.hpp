@@ -15,7 +15,7 @@ struct PlanTarget {
   Index* color_count;     ///<                                                                  (1)
 };
 
-/// Work memory of plan_sparse(), in Index: 258 + rows + 8 cones + 2 entry_span. entry_span is the room of an
+/// Work memory of plan_sparse(), in Index: 258 + rows + 9 cones + 2 entry_span. entry_span is the room of an
 /// environment's stored entries, row_offsets of its last row's end less that of its first row.
 STICTION_HD constexpr Offset plan_scratch_elements(Offset rows, Offset cones, Offset entry_span) {
   return ConflictGraph::elements(rows, cones, entry_span) + 3 * cones;
@@ -26,8 +26,12 @@ STICTION_HD constexpr Offset plan_scratch_elements(Offset rows, Offset cones, Of
 template <Team TeamT>
 STICTION_HD void order_vertices(TeamT& team, const StructureView& s, const ConflictGraph& graph, const Index* color,
                                 Index* order) {
-  const auto kind = [&](Index v) { return s.kind[graph.vertex_begin[v]]; };
-  const auto rows = [&](Index v) { return s.cone_row(graph.vertex_begin[v + 1]) - s.cone_row(graph.vertex_begin[v]); };
+  const auto kind = [&](Index v) { return s.kind[graph.cones[graph.vertex_begin[v]]]; };
+  const auto rows = [&](Index v) {
+    Index sum = 0;
+    for (Index p = graph.vertex_begin[v]; p < graph.vertex_begin[v + 1]; ++p) sum += s.cone_size(graph.cones[p]);
+    return sum;
+  };
   for_each(team, graph.vertices, [&](Index v) { order[v] = v; });
   sort_network(team, graph.vertices, order, [&](Index u, Index v) {
     if (color[u] != color[v]) return color[u] < color[v];
@@ -51,7 +55,8 @@ STICTION_HD_OUTLINE void plan_sparse(TeamT& team, const StructureView& s, const 
   exclusive_scan(team, plan.vertex_offsets, graph.vertices, graph.parts);
   for_each(team, graph.vertices, [&](Index p) {
     const Index v = order[p];
-    for (Index c = 0; c < cones_of(v); ++c) plan.cone_order[plan.vertex_offsets[p] + c] = graph.vertex_begin[v] + c;
+    for (Index c = 0; c < cones_of(v); ++c)
+      plan.cone_order[plan.vertex_offsets[p] + c] = graph.cones[graph.vertex_begin[v] + c];
     if (p == 0 || color[order[p - 1]] != color[v]) plan.color_offsets[color[v]] = p;
   });
   const ConeCounts counts = count_cones(team, s, graph.parts);

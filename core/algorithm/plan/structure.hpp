@@ -2,6 +2,7 @@
 
 #include <limits>
 
+#include "core/job/cone_blocks.hpp"
 #include "core/job/cone_counts.hpp"
 #include "core/team/phases.hpp"
 #include "stiction/batch_structure.hpp"
@@ -19,7 +20,8 @@ struct StructureView {
   Offset first_row;              ///< this environment's first row in the batch
   const ConeKind* kind;          ///< kind                                                        (cones)
   const Offset* cone_rows;       ///< batch-wide first row of each cone                           (cones + 1)
-  const Index* group;            ///< manifold of each cone, or null                              (cones)
+  const Index* group;            ///< manifold of each cone, or null; with blocks block_place()   (cones)
+  bool has_blocks;               ///< cones are swept in blocks
   const Offset* row_offsets;     ///< CSR rows, batch-wide positions                              (rows + 1)
   const Index* row_counts;       ///< entries in use of each row, or null: up to the next row's   (rows)
   const Offset* column_offsets;  ///< where each row's columns begin                              (rows)
@@ -52,6 +54,7 @@ STICTION_HD StructureView structure_of(const BatchStructure& batch, Offset env) 
   s.kind = batch.cone_kind + cone;
   s.cone_rows = batch.cone_row_offsets + cone;
   s.group = batch.cone_group == nullptr ? nullptr : batch.cone_group + cone;
+  s.has_blocks = batch.block_visits > 1;
   s.row_offsets = batch.row_offsets + row;
   s.row_counts = batch.row_counts == nullptr ? nullptr : batch.row_counts + row;
   s.column_offsets = (batch.column_offsets == nullptr ? batch.row_offsets : batch.column_offsets) + row;

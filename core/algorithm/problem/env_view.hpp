@@ -45,6 +45,7 @@ struct EnvView {
   const Index* vertex_offsets;   ///< sparse path: cone position of each vertex
   const Index* color_offsets;    ///< sparse path: vertex where each colour begins
   Index color_count;             ///< sparse path: colours
+  Index block_visits;            ///< visits of a block's cones before a sweep goes on
 
   [[nodiscard]] STICTION_HD Index cone_row(Index cone) const { return static_cast<Index>(cone_rows[cone] - first_row); }
   [[nodiscard]] STICTION_HD Index cone_size(Index cone) const {
@@ -125,6 +126,7 @@ STICTION_HD EnvView<Real> slice_problem(const ContactBatchView<Real>& batch, Law
   v.mu = batch.mu_offsets == nullptr ? batch.mu + row : batch.mu;
   v.mu_offsets = batch.mu_offsets == nullptr ? nullptr : batch.mu_offsets + row;
   v.normal_last = batch.normal_last;
+  v.block_visits = batch.block_visits;
   v.lo = batch.lo + row;
   v.hi = batch.hi + row;
   return v;

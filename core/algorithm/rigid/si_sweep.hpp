@@ -64,9 +64,10 @@ struct ContactVisit {
   [[nodiscard]] STICTION_HD const Twist<Real>& twist_b() const { return twists[1]; }
 };
 
-/// `env` knows the sides, `s` everything else.
-template <class Real, Law kLaw, int kStride>
-STICTION_HD ContactVisit<Real> visit_of(const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s, Index p) {
+/// `env` knows the sides, `s` everything else but the twists: twist_at_slot() has those.
+template <class Real, Law kLaw, int kStride, class F>
+STICTION_HD ContactVisit<Real> visit_with(const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s, Index p,
+                                          F&& twist_at_slot) {
   const Index a = env.side(2 * static_cast<Offset>(p));
   const Index b = env.side(2 * static_cast<Offset>(p) + 1);
   return {a,
@@ -74,7 +75,11 @@ STICTION_HD ContactVisit<Real> visit_of(const BodyEnv<Real>& env, const BodySyst
           {s.vector(kFieldArmA, p), s.vector(kFieldArmB, p)},
           s.frame(p),
           s.field.at(kFieldMu, p),
-          {s.twist(s.motion, slot_of(a)), s.twist(s.motion, slot_of(b))}};
+          {twist_at_slot(slot_of(a)), twist_at_slot(slot_of(b))}};
+}
+template <class Real, Law kLaw, int kStride>
+STICTION_HD ContactVisit<Real> visit_of(const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s, Index p) {
+  return visit_with(env, s, p, [&](Index slot) { return s.twist(s.motion, slot); });
 }
 
 /// Relative velocity of the two bodies at the contact.

@@ -1,5 +1,8 @@
 #pragma once
 
+#include <type_traits>
+
+#include "core/algorithm/sweep/block_visit.hpp"
 #include "core/algorithm/sweep/local_solve.hpp"
 #include "core/algorithm/system/dense_system.hpp"
 #include "core/algorithm/system/factor_system.hpp"
@@ -52,12 +55,66 @@ STICTION_HD auto push_step(TeamT& team, System& s, Index cone, Index row,
   return largest * s.residual_weight[cone];
 }
 
+/// How far a block's rows moved: the largest change, and in units of w.
+template <class Real>
+struct BlockStep {
+  Real largest, size;
+};
+
+/// Visits the cones of a window as a block: several times, pushing changes into the block's own motion alone. `d` gets
+/// the changes of its rows, which are still to be pushed into all other motion.
+template <Law kLaw, class Local, class Shape, class System>
+STICTION_HD auto move_window(Shape shape, System& s, Index count, Index cone, Index row, typename System::Real omega,
+                             typename System::Real* d) {
+  using Real = typename System::Real;
+  constexpr int kRows = Shape::kRows;
+  const Index end = row + count * kRows;
+  for (Index r = row; r < end; ++r) d[r - row] = s.x[r];
+  for (Index visit = 0; visit < kBlockVisits; ++visit)
+    for (Index c = 0; c < count; ++c) {
+      const Index own = row + c * kRows;
+      const auto step = move_cone<kLaw, Local>(shape, s, cone + c, own, omega);
+      s.template push_rows<kRows>(row, end, own, step.d);
+    }
+  BlockStep<Real> step{Real(0), Real(0)};
+  for (Index c = 0; c < count; ++c) {
+    Real moved(0);
+    for (Index r = c * kRows; r < (c + 1) * kRows; ++r) {
+      d[r] = s.x[row + r] - d[r];
+      moved = max_(abs_(d[r]), moved);
+    }
+    step.largest = max_(moved, step.largest);
+    step.size = max_(moved * s.residual_weight[cone + c], step.size);
+  }
+  return step;
+}
+
+/// One right-looking sweep by blocks. A block's cones are neighbours in canonical order, in which the plan has put what
+/// couples strongly side by side (docs/math/pgs.md, "Blocks of cones").
+template <Law kLaw, class Local, Team TeamT, class System>
+STICTION_HD_OUTLINE auto sweep_in_blocks(TeamT& team, System& s, typename System::Real omega) {
+  using Real = typename System::Real;
+  Real largest(0);
+  Real own[kMostBlockRows];
+  Real* d = own;
+  if constexpr (!std::is_same_v<TeamT, SerialTeam>)
+    if (team.size() > 1) d = team.template leaves<Real>();
+  s.for_each_window([&](auto shape, Index count, Index cone, Index row) {
+    const auto step = team.broadcast([&] { return move_window<kLaw, Local>(shape, s, count, cone, row, omega, d); });
+    if (any(step.largest != Real(0))) s.template push_window<decltype(shape)::kRows>(team, count, row, d);
+    largest = max_(step.size, largest);
+  });
+  return largest;
+}
+
 /// One right-looking Gauss-Seidel sweep: cones in canonical order, each one's change pushed into all of y before the
 /// next is visited. Returns the largest step size, on every lane.
 template <Law kLaw, class Local = DefaultLocalStep, Team TeamT, class System>
   requires System::kMaintainsMotion
 STICTION_HD auto sweep(TeamT& team, System& s, typename System::Real omega) {
   using Real = typename System::Real;
+  if constexpr (requires { requires System::kTakesBlocks; })
+    if (s.has_blocks) return sweep_in_blocks<kLaw, Local>(team, s, omega);
   Real largest(0);
   s.for_each_in_order([&](auto shape, Index cone, Index row) {
     const auto step = team.broadcast([&] { return move_cone<kLaw, Local>(shape, s, cone, row, omega); });
@@ -70,6 +127,9 @@ STICTION_HD auto sweep(TeamT& team, System& s, typename System::Real omega) {
 template <Law kLaw, class Local = DefaultLocalStep, Team TeamT, class System>
 STICTION_HD auto sweep(TeamT& team, SystemPair<System>& s, typename System::Real omega) {
   using Real = typename System::Real;
+  if (s.a.has_blocks)
+    return NumberPair<Real>{sweep_in_blocks<kLaw, Local>(team, s.a, omega),
+                            sweep_in_blocks<kLaw, Local>(team, s.b, omega)};
   NumberPair<Real> largest{Real(0), Real(0)};
   s.a.for_each_in_order([&](auto shape, Index cone, Index row) {
     const auto step_a = move_cone<kLaw, Local>(shape, s.a, cone, row, omega);
@@ -81,7 +141,8 @@ STICTION_HD auto sweep(TeamT& team, SystemPair<System>& s, typename System::Real
 }
 
 /// Makes one coloured Gauss-Seidel sweep. The vertices of a colour share no entry of A and are visited at once. The
-/// cones of a vertex (one manifold) are visited one after the other. Returns the largest step size, on every lane.
+/// cones of a vertex (one manifold) are visited one after the other, or as a block. Returns the largest step size, on
+/// every lane.
 template <Law kLaw, class Local = DefaultLocalStep, Team TeamT, class RealType>
 STICTION_HD RealType sweep(TeamT& team, SparseSystem<RealType>& s, RealType omega) {
   using Real = RealType;
@@ -90,7 +151,9 @@ STICTION_HD RealType sweep(TeamT& team, SparseSystem<RealType>& s, RealType omeg
   for (Index color = 0; color < env.color_count; ++color) {
     const Index first = env.color_offsets[color];
     for_each(team, env.color_offsets[color + 1] - first, [&](Index k) {
-      for (Index p = env.vertex_offsets[first + k]; p < env.vertex_offsets[first + k + 1]; ++p) {
+      const Index begin = env.vertex_offsets[first + k], end = env.vertex_offsets[first + k + 1];
+      if (env.block_visits > 1 && end - begin > 1 && visit_block<kLaw, Local>(s, begin, end, omega, largest)) return;
+      for (Index p = begin; p < end; ++p) {
         const Index cone = env.cone_order[p];
         const Index row = env.cone_row(cone);
         with_shape(env.kind[cone], env.cone_size(cone), [&](auto shape) {

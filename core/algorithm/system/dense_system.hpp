@@ -3,6 +3,8 @@
 #include "core/algorithm/problem/cone_shape.hpp"
 #include "core/algorithm/problem/env_view.hpp"
 #include "core/algorithm/system/system_arrays.hpp"
+#include "core/base/extents.hpp"
+#include "core/job/cone_blocks.hpp"
 #include "core/team/phases.hpp"
 #include "core/team/reduce.hpp"
 
@@ -17,6 +19,8 @@ struct DenseSystem : SystemArrays<RealType, kStrideValue> {
   using Real = RealType;
   static constexpr int kStride = kStrideValue;
   static constexpr bool kMaintainsMotion = true;
+  /// True where cones may be swept in blocks. On a GPU a lane with an environment of its own has no registers for it.
+  static constexpr bool kTakesBlocks = kStride == 1;
 
   ConeCounts counts;         ///< cones laid out, padding included
   Index n = 0;               ///< rows laid out
@@ -56,6 +60,17 @@ struct DenseSystem : SystemArrays<RealType, kStrideValue> {
   STICTION_HD void for_each_in_order(F&& f) const {
     for_each_segment(counts, [&](auto shape, Index count, Index first_cone, Index first_row) {
       for (Index k = 0; k < count; ++k) f(shape, first_cone + k, first_row + k * decltype(shape)::kRows);
+    });
+  }
+
+  /// f(shape, count, cone, row) for every window of up to kMostBlockRows rows of `count` cones of one shape, on every
+  /// lane, in canonical order. Padding comes last of each shape: it moves no window.
+  template <class F>
+  STICTION_HD void for_each_window(F&& f) const {
+    for_each_segment(counts, [&](auto shape, Index count, Index first_cone, Index first_row) {
+      constexpr Index kRows = decltype(shape)::kRows, kMost = kMostBlockRows / kRows;
+      for (Index k = 0; k < count; k += kMost)
+        f(shape, smaller_of(count - k, kMost), first_cone + k, first_row + k * kRows);
     });
   }
 
@@ -105,6 +120,34 @@ struct DenseSystem : SystemArrays<RealType, kStrideValue> {
     for_each(team, n, [&](Index i) {
       Real motion = this->y[i];
       for (int k = 0; k < M; ++k) motion = fma_(columns[i + n * k], d[k], motion);
+      this->y[i] = motion;
+    });
+  }
+
+  /// y[i] += A[i, row .. row+M) * d for the rows i in [first, end).
+  template <int M>
+  STICTION_HD void push_rows(Index first, Index end, Index row, const Real* d) const {
+    const Strided<Real, kStride> columns = A.from(Offset{n} * row);
+    for (Index i = first; i < end; ++i) {
+      Real motion = this->y[i];
+      for (int k = 0; k < M; ++k) motion = fma_(columns[i + n * k], d[k], motion);
+      this->y[i] = motion;
+    }
+  }
+
+  /// The push of a window of `count` cones of M rows, into every row outside it.
+  template <int M, Team TeamT>
+  STICTION_HD void push_window(TeamT& team, Index count, Index row, const Real* d) const {
+    const Strided<Real, kStride> columns = A.from(Offset{n} * row);
+    const Index rows = count * M;
+    for_each(team, n - rows, [&](Index k) {
+      const Index i = k < row ? k : k + rows;
+      Real motion = this->y[i];
+      if (rows == kMostBlockRows) {
+        for (Index j = 0; j < kMostBlockRows; ++j) motion = fma_(columns[i + n * j], d[j], motion);
+      } else {
+        for (Index j = 0; j < rows; ++j) motion = fma_(columns[i + n * j], d[j], motion);
+      }
       this->y[i] = motion;
     });
   }

@@ -56,6 +56,7 @@ struct SystemArrays {
   double* wide = nullptr;         ///< the method's doubles: vectors, then matrices      (Workspace::doubles)
   bool has_matrices = false;      ///< whether matrices are among them, or what a method has instead
   Law law = Law::convex;          ///< as its environment's
+  bool has_blocks = false;        ///< its cones are swept in blocks, as its environment's
 
   static constexpr Offset elements(Offset n, Offset cones, const Workspace& workspace) {
     return (6 + workspace.vectors) * n + 11 * cones + kStateScalars + workspace.double_elements<Real>(n);

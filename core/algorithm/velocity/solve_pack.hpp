@@ -11,35 +11,55 @@ struct PackLists {
   using Small = typename SetTraits<Set>::Small;
   using Item = SlotItem<Set>;
   using OneSlot = Slot<kLanes, Set>;
-  DofTree<Set> tree;
-  Set coupled[SetTraits<Set>::kMost];  ///< degrees of freedom before each that M couples it with
-  Item* items;                         ///< of all lanes, one lane after the other       (cones)
-  OneSlot* slots;                      ///< room for                                            (cones)
-  Small* columns;                      ///< room for the slots'                                 (column_room(cones))
+  using Tree = DofTree<Set>;
+  static constexpr Index kMost = SetTraits<Set>::kMost;
+  OneSlot* slots;  ///< room for                                                            (cones)
+  Small* columns;  ///< room for the slots'                                                 (column_room(cones))
+  Tree* tree;      ///< behind the columns that there are
+  Set* coupled;    ///< degrees of freedom before each that M couples it with; until the tree is built  (kMost)
+  Item* items;     ///< of all lanes, one lane after the other; until there are slots       (cones)
 
   /// Bytes of the lists of environments that have so many cones together.
   static STICTION_HD constexpr Offset bytes(Offset cones) {
-    return static_cast<Offset>(sizeof(PackLists)) + cones * static_cast<Offset>(sizeof(Item) + sizeof(OneSlot)) +
-           column_room<Set>(cones) * static_cast<Offset>(sizeof(Small));
+    return early(cones) + kMost * static_cast<Offset>(sizeof(Set)) + cones * static_cast<Offset>(sizeof(Item));
   }
   /// Lists in memory of that size, aligned as an Offset is.
   template <Team TeamT>
   static STICTION_HD PackLists* in(TeamT& team, void* memory, Offset cones) {
     auto* const lists = static_cast<PackLists*>(memory);
     single(team, [&] {
-      lists->items = reinterpret_cast<Item*>(lists + 1);
-      lists->slots = reinterpret_cast<OneSlot*>(lists->items + cones);
+      lists->slots = reinterpret_cast<OneSlot*>(lists + 1);
       lists->columns = reinterpret_cast<Small*>(lists->slots + cones);
+      lists->coupled = reinterpret_cast<Set*>(static_cast<unsigned char*>(memory) + early(cones));
+      lists->items = reinterpret_cast<Item*>(lists->coupled + kMost);
     });
     return lists;
   }
-  /// Behind the columns of all slots.
-  [[nodiscard]] STICTION_HD const Small* end(const SlotCounts& counts) const {
-    if (counts.slots == 0) return columns;
-    const OneSlot& last = slots[counts.slots - 1];
-    return last.depth + last.columns;
+  /// The place that the tree is to have.
+  [[nodiscard]] STICTION_HD Tree* place_for_tree(const SlotCounts& counts) {
+    const Small* end = columns;
+    if (counts.slots > 0) end = slots[counts.slots - 1].end();
+    auto* const memory = reinterpret_cast<unsigned char*>(this);
+    return reinterpret_cast<Tree*>(memory + aligned(reinterpret_cast<const unsigned char*>(end) - memory));
+  }
+  /// Behind what is read after the tree has been built.
+  [[nodiscard]] STICTION_HD const Small* end() const
+    requires Tree::kIsWhole
+  {
+    return tree->ancestor + tree->entries;
   }
   static_assert(alignof(OneSlot) <= alignof(Offset) && alignof(Item) <= alignof(Offset));
+
+ private:
+  static STICTION_HD constexpr Offset aligned(Offset bytes) {
+    constexpr Offset kAlign = alignof(Offset);
+    return (bytes + kAlign - 1) / kAlign * kAlign;
+  }
+  static STICTION_HD constexpr Offset early(Offset cones) {
+    return aligned(aligned(static_cast<Offset>(sizeof(PackLists)) + cones * static_cast<Offset>(sizeof(OneSlot)) +
+                           column_room<Set>(cones) * static_cast<Offset>(sizeof(Small))) +
+                   static_cast<Offset>(sizeof(Tree)));
+  }
 };
 
 /// Returns true if Newton's method in velocities is cheaper for a large part than a sweep on A. A step multiplies the
@@ -91,12 +111,15 @@ STICTION_HD bool with_pack(const JacobianBatchView<typename Types::Real>& batch,
     next += cones[l];
     add_mass_dofs(team, envs[l], lists.coupled);
   }
-  const SlotCounts counts =
-      team.broadcast([&] { return merge_items<kLanes, Set>(items, cones, lists.slots, lists.columns); });
+  SlotCounts counts;
+  if constexpr (kIsAlone<decltype(team)>) {
+    counts = merge_items<kLanes, Set>(items, cones, lists.slots, lists.columns);
+  } else {
+    counts = place_items(team, items[0], cones[0], lists.slots, lists.columns);
+  }
   if (!counts.fits) return false;
-  const bool has_tree =
-      team.broadcast([&] { return build_tree(lists.tree, dofs, lists.coupled, lists.slots, counts.slots); });
-  if (!has_tree) return false;
+  single(team, [&] { lists.tree = lists.place_for_tree(counts); });
+  if (!build_tree(team, *lists.tree, dofs, lists.coupled, lists.slots, counts.slots)) return false;
   run(envs, lists, counts);
   return true;
 }
@@ -113,11 +136,11 @@ STICTION_HD_OUTLINE void solve_pack(const VelocityJob<typename Types::Real>& job
   with_pack<Types>(
       job.batch, members, count, memory,
       [&](const auto& envs, const auto& lists, const auto& counts) {
-        if (lists.tree.dofs > kMostVelocityDofs && !pays_when_large(lists.tree, lists.slots, counts)) return;
+        if (lists.tree->dofs > kMostVelocityDofs && !pays_when_large(*lists.tree, lists.slots, counts)) return;
         if (!memory.has_room(lists, counts)) return;
         is_taken = true;
         const VelocityWorkspace<Types> workspace = memory.numbers(lists, counts);
-        VelocityNewton<Types>(job, envs, lists.tree, lists.slots, counts, workspace).run();
+        VelocityNewton<Types>({job, envs}, *lists.tree, lists.slots, counts, workspace).run();
       },
       listed);
   if (is_taken) return;

@@ -85,6 +85,8 @@ struct BatchStructure : BatchLayout, MatrixPattern {
   Offset mu_count = 0;                 ///< length of mu where mu_offsets is given
   bool normal_last = false;  ///< rows of friction cones come tangential first and the normal last; environments that
                              ///< are not solved densely (choose_path) cannot be read so
+  Index block_visits = 1;    ///< visits of the cones of one block before a sweep goes on (SolverOptions::blocks); above
+                             ///< 1 cone_group holds their places, as the library writes them
   bool ends_early = false;   ///< in device memory: rows and cones end with the last environment's offsets, and the
                              ///< totals are room, as they are without counts
 

@@ -179,7 +179,11 @@ struct BodySolverOptions {
   double absolute_tolerance = 0;             ///< on its absolute residual; solved is where either holds [m/s]
   bool momentum = true;                      ///< Nesterov's, with restart, for sweeps
   double omega = 1.0;                        ///< relaxation, 0 < omega < 2 [-]
-  Index substeps = 1;                        ///< the step in that many equal parts, >= 1 (Macklin et al. 2019)
+  /// Under the convex law, by impulses, in one sub-step, on the CPU. Several threads that sweep one environment
+  /// together (from 4096 contacts on) wait for no colour, until the last sweeps (docs/math/si.md). No two runs
+  /// need have equal bits; all else that a solve promises holds.
+  bool asynchronous = false;
+  Index substeps = 1;              ///< the step in that many equal parts, >= 1 (Macklin et al. 2019)
   Index max_contacts_per_env = 0;  ///< 0: no limit; else that many deepest contacts of an environment are solved, the
                                    ///< lower index first among equals, and the environment gets kFlagContactsDropped
   int threads = 0;                 ///< CPU threads; 0: all cores

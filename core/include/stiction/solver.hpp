@@ -84,6 +84,18 @@ const char* to_string(IslandMode mode) noexcept;
 /// The mode of that name. \throws Error(invalid_argument) that lists the names there are.
 IslandMode island_mode_from_string(const std::string& name);
 
+/// Which contacts a sweep solves together before it goes on (docs/howto/blocks.md). Blocks have up to 12 rows, of cones
+/// wherever they stand.
+enum class BlockMode : std::uint8_t {
+  cones = 0,   ///< each by itself
+  pairs = 1,   ///< those of one manifold: of one cone_group, or of rows that store the same columns if there are none
+  strong = 2,  ///< those that A couples strongly, whatever the batch says of them
+};
+/// Name of a mode, as reports print it ("cones", "pairs", "strong").
+const char* to_string(BlockMode mode) noexcept;
+/// The mode of that name. \throws Error(invalid_argument) that lists the names there are.
+BlockMode block_mode_from_string(const std::string& name);
+
 class Tracer;
 
 /// What a Solver is told when it is made.
@@ -101,6 +113,7 @@ struct SolverOptions {
   double absolute_tolerance = 0.0;  ///< on the absolute residual; solved is where either holds [w]
   InvalidPolicy invalid = InvalidPolicy::reject;  ///< what to do with numbers that break a precondition
   IslandMode islands = IslandMode::together;      ///< apart: batches in host memory only
+  BlockMode blocks = BlockMode::cones;            ///< of pgs, npgs and nsgs, batches in host memory only
   Tracer* tracer = nullptr;  ///< collects where time goes (stiction/trace.hpp), outlives the solver; null: none
   /// Rows of the largest environment that a method which factorises takes a matrix for, 1024 to 32768. newton keeps
   /// two of rows x rows doubles for each thread, ipm two, admm and lemke one. Above, newton, admm and ipm take

@@ -3,6 +3,7 @@
 /// \file
 /// Includes every header but analysis.hpp and pyramid.hpp.
 
+#include "stiction/articulated.hpp"
 #include "stiction/batch.hpp"
 #include "stiction/bodies.hpp"
 #include "stiction/box_friction.hpp"

@@ -30,6 +30,21 @@ void check_rules(const SpectrumRules& rules) {
            ": does not work on contact batches; name one that does, or auto");
 }
 
+void check_blocks(const SolverOptions& options) {
+  const auto fail = [](const std::string& message) { throw Error(ErrorCode::invalid_argument, message); };
+  const BlockMode blocks = options.blocks;
+  if (blocks != BlockMode::cones && blocks != BlockMode::pairs && blocks != BlockMode::strong)
+    fail("blocks = " + std::to_string(static_cast<int>(blocks)) +
+         ": no such mode; use BlockMode::cones, pairs or strong");
+  if (blocks == BlockMode::cones) return;
+  if (options.choose != SolverChoice::named)
+    fail(std::string("blocks = ") + to_string(blocks) +
+         " with choose = spectrum: blocks are of sweeps; name pgs, npgs or nsgs, or leave blocks = cones");
+  if (options.solver != SolverKind::pgs && options.solver != SolverKind::npgs && options.solver != SolverKind::nsgs)
+    fail(std::string("blocks = ") + to_string(blocks) + " with solver = " + to_string(options.solver) +
+         ": blocks are of sweeps; choose pgs, npgs or nsgs, or leave blocks = cones");
+}
+
 }  // namespace
 
 void check_options(const SolverOptions& options) {
@@ -64,6 +79,7 @@ void check_options(const SolverOptions& options) {
   if (options.islands != IslandMode::together && options.islands != IslandMode::apart)
     fail("islands = " + std::to_string(static_cast<int>(options.islands)) +
          ": no such mode; use IslandMode::together or apart");
+  check_blocks(options);
 }
 
 const char* to_string(IslandMode mode) noexcept {
@@ -80,6 +96,24 @@ IslandMode island_mode_from_string(const std::string& name) {
   for (const IslandMode mode : {IslandMode::together, IslandMode::apart})
     if (name == to_string(mode)) return mode;
   throw Error(ErrorCode::invalid_argument, "island mode '" + name + "' is not known; use one of: together, apart");
+}
+
+const char* to_string(BlockMode mode) noexcept {
+  switch (mode) {
+    case BlockMode::cones:
+      return "cones";
+    case BlockMode::pairs:
+      return "pairs";
+    case BlockMode::strong:
+      return "strong";
+  }
+  return "unknown";
+}
+
+BlockMode block_mode_from_string(const std::string& name) {
+  for (const BlockMode mode : {BlockMode::cones, BlockMode::pairs, BlockMode::strong})
+    if (name == to_string(mode)) return mode;
+  throw Error(ErrorCode::invalid_argument, "block mode '" + name + "' is not known; use one of: cones, pairs, strong");
 }
 
 }  // namespace stiction

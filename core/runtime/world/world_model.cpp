@@ -217,6 +217,8 @@ void check_world_options(const WorldOptions& options) {
   if (options.solver.substeps != 1)
     refuse("solver.substeps = " + std::to_string(options.solver.substeps) +
            ": must be 1: a world detects contacts in every step; take a smaller stepping.dt");
+  if (options.solver.asynchronous)
+    refuse("solver.asynchronous = true: must be false: a world has the same bits whenever it is stepped");
   if (!(options.margin >= 0) || !std::isfinite(options.margin))
     refuse("margin = " + shortest_text(options.margin) + ": must be finite and >= 0");
   if (!(options.warm_start >= 0 && options.warm_start <= 1))

@@ -42,7 +42,8 @@ class SolverBase:
 
     def __init__(self, solver=None, law=None, tolerance=None, max_iterations=None, threads=0, *, preset=None,
                  invalid="isolate", omega=1.0, stall_window=2000, islands="together", direct_rows=1024, callback=None,
-                 record_failures=None, trace=False, absolute_tolerance=0.0, choose="named", spectrum=None):
+                 record_failures=None, trace=False, absolute_tolerance=0.0, choose="named", spectrum=None,
+                 blocks="cones"):
         if invalid not in ("isolate", "reject"):
             raise ValueError(f"invalid: expected 'isolate' or 'reject', got {invalid!r}")
         chosen = {"solver": "auto", "tolerance": 1e-4, "max_iterations": 1000}
@@ -62,7 +63,7 @@ class SolverBase:
                                       whole("threads", threads), invalid == "isolate", word("islands", islands),
                                       whole("direct_rows", direct_rows), self._tracer,
                                       number("absolute_tolerance", absolute_tolerance), word("choose", choose),
-                                      _rules(spectrum))
+                                      _rules(spectrum), word("blocks", blocks))
         self.choose = choose
         if choose != "named":
             if solver is not None:
@@ -167,6 +168,10 @@ class Solver(SolverBase):
         "reject": stiction.Error names the first defect.
     omega: relaxation of sweeps, 0 < omega < 2. stall_window: iterations without progress before it stops, 0: never.
     islands: "together" or "apart" (docs/howto/islands.md).
+    blocks: "pairs" or "strong": sweeps of "pgs", "npgs" and "nsgs" solve coupled contacts together, of batches on
+        the host (docs/howto/blocks.md).
+    asynchronous: sweeps of bodies by threads that wait for no colour, law "convex", on the CPU. No two runs need have
+        equal bits (docs/math/si.md).
     choose: "spectrum" takes a solver for each environment by condition and density of its operator, of batches on the
         host (docs/howto/spectrum.md). What falls short goes to "auto". spectrum: a dict of rules: thresholds and solvers.
     direct_rows: rows of the largest environment that admm, newton, ipm and lemke take a matrix for, 1024 to 32768. It
@@ -185,10 +190,11 @@ class Solver(SolverBase):
 
     def __init__(self, device: str = "cpu", solver: str | None = None, law: str | None = None,
                  tolerance: float | None = None, max_iterations: int | None = None, threads: int = 0, *,
-                 capacity: dict | None = None, **options):
+                 capacity: dict | None = None, asynchronous: bool = False, **options):
         super().__init__(solver, law, tolerance, max_iterations, threads, **options)
+        self._asynchronous = bool(asynchronous)
         self._made_by = dict(device=device, solver=solver, law=law, tolerance=tolerance, max_iterations=max_iterations,
-                             threads=threads, capacity=capacity, **options)
+                             threads=threads, capacity=capacity, asynchronous=asynchronous, **options)
         self._core = _core.FormSolver(str(device), self._options, _core.Capacity(**_rooms(capacity)))
         self.device = self._core.device
         self._bodies = {}  # (law, stepping) -> the C++ solver of bodies
@@ -267,6 +273,8 @@ class Solver(SolverBase):
         view, seen, room = batch._view(on_device), solution._seen, batch._room() if on_device else None
         lambda_, w, status = seen["lambda_"], seen.get("w"), seen["status"]
         self._check_form(batch.form)
+        if self._asynchronous and batch.form != "bodies":
+            raise ValueError(f"asynchronous: expected a batch of bodies (Batch.from_bodies), got form {batch.form!r}")
         if batch.form == "delassus":
             return functools.partial(self._core.solve_contacts, view, lambda_, w, status, guess, handle, room)
         if batch.form == "jacobian":
@@ -275,7 +283,8 @@ class Solver(SolverBase):
         need_twists(seen)
         key = (batch.law, *batch.stepping)
         if key not in self._bodies:
-            self._bodies[key] = _core.BodySolver(self.device, _core.BodyOptions(self._options, self.solver, *key))
+            self._bodies[key] = _core.BodySolver(
+                self.device, _core.BodyOptions(self._options, self.solver, *key, asynchronous=self._asynchronous))
         return functools.partial(self._bodies[key].solve, view, lambda_, w, seen["velocities"], status, guess, handle)
 
 

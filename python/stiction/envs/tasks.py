@@ -35,6 +35,11 @@ class _Task:
     normal_velocities = False  # reset noise of velocities: normal, or uniform
     fields = ("qpos", "qvel")
 
+    @property
+    def observes_bodies(self):
+        """True where it reads more than coordinates, velocities and controls."""
+        return not set(self.fields) <= {"qpos", "qvel", "ctrl"}
+
     def prepare(self, model):
         """Called once, with the model."""
         self.init_qpos = None

@@ -37,6 +37,10 @@ class MujocoVectorEnv(VectorEnv):
     autoreset_mode: AutoresetMode.NEXT_STEP, SAME_STEP (infos["final_obs"], infos["final_info"]) or DISABLED
         (reset(options={"reset_mask": mask})).
     solver, tolerance, max_iterations, threads, warm_start: of stiction.mujoco.BatchedSimulation.
+    engine: "mujoco", or "lanes" (docs/howto/robots_in_lanes.md). There `dtype` is that of the steps, and solver and
+        warm_start have no effect. An environment whose step fails for a number that is not finite stays where it was, and
+        keeps what was observed of it. varies: constants of which each environment has its own there, such as
+        ("body_mass", "geom_friction"), in `simulation.varied`.
     cone: "pyramidal" or "elliptic" instead of the model's (Gymnasium's: pyramidal). xml_file: another model.
     task: parameters of Gymnasium's class, such as ctrl_cost_weight=0.5.
 
@@ -46,7 +50,7 @@ class MujocoVectorEnv(VectorEnv):
 
     def __init__(self, name, num_envs=None, *, shard=None, max_episode_steps=1000, autoreset_mode=AutoresetMode.NEXT_STEP,
                  solver="auto", tolerance=1e-6, max_iterations=1000, threads=0, warm_start=0.95, cone=None,
-                 xml_file=None, **task):
+                 xml_file=None, engine="mujoco", dtype="float64", varies=(), **task):
         name = name.removesuffix("-v5")
         if name not in TASKS:
             raise ValueError(f"name: expected one of {', '.join(TASKS)}, got {name!r}")
@@ -57,6 +61,10 @@ class MujocoVectorEnv(VectorEnv):
         num_envs = shard.num_envs if shard is not None else 1 if num_envs is None else whole("num_envs", num_envs)
         if whole("max_episode_steps", max_episode_steps) < 1:
             raise ValueError(f"max_episode_steps: expected at least 1, got {max_episode_steps}")
+        if engine not in ("mujoco", "lanes"):
+            raise ValueError(f"engine: expected 'mujoco' or 'lanes', got {engine!r}")
+        if len(varies) and engine != "lanes":
+            raise ValueError(f"varies: expected none with engine='mujoco', got {varies!r}")
         known = TASKS[name].__dataclass_fields__
         for parameter in task:
             if parameter not in known:
@@ -66,8 +74,12 @@ class MujocoVectorEnv(VectorEnv):
         if cone is not None:
             self.model.opt.cone = _CONES[cone]
         self.task.prepare(self.model)
-        self.simulation = BatchedSimulation(self.model, num_envs, solver=solver, tolerance=tolerance,
-                                            max_iterations=max_iterations, threads=threads, warm_start=warm_start)
+        self._is_in_lanes = engine == "lanes"
+        how = dict(solver=solver, warm_start=warm_start)
+        if self._is_in_lanes:
+            how = dict(engine=engine, dtype=dtype, observes_bodies=self.task.observes_bodies, varies=varies)
+        self.simulation = BatchedSimulation(self.model, num_envs, tolerance=tolerance, max_iterations=max_iterations,
+                                            threads=threads, **how)
         self.num_envs, self.max_episode_steps = num_envs, max_episode_steps
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {"render_modes": [], "autoreset_mode": self.autoreset_mode}
@@ -142,7 +154,8 @@ class MujocoVectorEnv(VectorEnv):
         if moving.any():
             everyone = None if moving.all() else moving
             self.simulation.step(actions, self.task.frame_skip, active=everyone)
-            self.simulation.run("mj_rnePostConstraint", active=everyone)
+            if not self._is_in_lanes:
+                self.simulation.run("mj_rnePostConstraint", active=everyone)
         self.episode_length[moving] += 1
         if restarting.any():
             self._start_over(restarting)
@@ -182,17 +195,20 @@ class MujocoVectorEnv(VectorEnv):
     # -- beyond it ----------------------------------------------------------------------------------------------------
 
     def set_accuracy(self, accuracy):
-        """Tolerance and iteration limit of the solves to come: what a stiction.AccuracyPolicy's `apply` returns."""
+        """Tolerance and iteration limit of the solves to come: what a stiction.AccuracyPolicy's `apply` returns. Raises
+        ValueError in lanes, where both are given when the environments are made."""
+        self._require_mujoco()
         self.simulation.set_accuracy(accuracy.tolerance, accuracy.max_iterations)
 
     def stats(self):
-        """What the solves did, as stiction.Solver.stats()."""
+        """Statistics of the solves, as stiction.Solver.stats(). Raises ValueError in lanes: `simulation.status` says it there."""
+        self._require_mujoco()
         return self.simulation.solver.stats()
 
     def states(self):
-        """All that the environments go on from, arrays by environment: "id", "seed", "episode", "episode_length", "over",
-        "physics" (MuJoCo's integration state) and what the task observes. For checkpoints, and for environments that
-        move to another rank (stiction.distributed). Needs a shard.
+        """All that the environments go on from, arrays by environment. "id", "seed", "episode", "episode_length", "over" and
+        "physics" (MuJoCo's integration state) are there, what the task observes, and constants that vary. For checkpoints, and for
+        environments that move to another rank (stiction.distributed). Needs a shard.
 
         Raises ValueError where solves start from the reactions of the step before, which are not among them.
         """
@@ -202,7 +218,8 @@ class MujocoVectorEnv(VectorEnv):
             mujoco.mj_getState(self.model, data, physics[i], _PHYSICS)
         return {"id": self.shard.ids, "seed": np.full(self.num_envs, self._seed, np.int64), "episode": self._episodes.copy(),
                 "episode_length": self.episode_length.copy(), "over": self._over.copy(), "physics": physics,
-                **{f"seen_{field}": values for field, values in self._state().items()}}
+                **{f"seen_{field}": values for field, values in self._state().items()},
+                **{f"varied_{name}": values.copy() for name, values in self._varied().items()}}
 
     def set_states(self, states):
         """Goes on from states() of this shard's environments, which any rank and any number of ranks may have returned.
@@ -212,34 +229,50 @@ class MujocoVectorEnv(VectorEnv):
             raise ValueError(f"states: expected those of environments {self.shard.begin}..{self.shard.end - 1}")
         if states["physics"].shape[1] != mujoco.mj_stateSize(self.model, _PHYSICS):
             raise ValueError("states: expected those of this model, got those of another")
+        seen = self.simulation.observed if self._is_in_lanes else {}
         for i, data in enumerate(self.simulation.data):
             mujoco.mj_setState(self.model, data, states["physics"][i], _PHYSICS)
             for field in self.task.fields:
-                getattr(data, field)[:] = states[f"seen_{field}"][i]
+                (seen[field][i] if field in seen else getattr(data, field))[:] = states[f"seen_{field}"][i]
+            if self._is_in_lanes:
+                self.simulation.take(i)
+        for name, values in self._varied().items():
+            values[:] = states[f"varied_{name}"]
         self._seed = int(states["seed"][0])
         self._episodes[:], self.episode_length[:], self._over[:] = (states[name] for name in
                                                                     ("episode", "episode_length", "over"))
         self._is_reset = True
         return self.task.observe(self._state())
 
+    def _varied(self):
+        return self.simulation.varied if self._is_in_lanes else {}
+
+    def _require_mujoco(self):
+        if self._is_in_lanes:
+            raise ValueError("engine: expected 'mujoco', got 'lanes'")
+
     def _require_shard(self, is_set=False):
         if self.shard is None:
             raise ValueError("shard: expected a stiction.distributed.Shard, got None: environments have no ids")
         if not is_set and not self._is_reset:
             raise gymnasium.error.ResetNeeded("states before reset: call reset(seed=...) first")
-        if self.simulation.starts_from_reactions:
+        if not self._is_in_lanes and self.simulation.starts_from_reactions:
             raise ValueError("warm_start: expected 0 with this solver, whose solves start from the last reactions: they "
                              "are not part of a state")
 
     def _start_over(self, mask):
         chosen = np.flatnonzero(mask)
         self.simulation.reset(chosen)
+        states = None if self._is_in_lanes else self.simulation.data
         for i in chosen:
-            data = self.simulation.data[i]
             qpos, qvel = self.task.noise(self._stream(i), self.model.nq, self.model.nv)
-            data.qpos[:] = self.task.init_qpos + qpos
-            data.qvel[:] = self._init_qvel + qvel
-        self.simulation.forward(active=None if mask.all() else mask)
+            to = (self.simulation.qpos[i], self.simulation.qvel[i]) if states is None else (states[i].qpos, states[i].qvel)
+            to[0][:] = self.task.init_qpos + qpos
+            to[1][:] = self._init_qvel + qvel
+        if not self._is_in_lanes or self.task.observes_bodies:
+            self.simulation.forward(active=None if mask.all() else mask)
+        if "cfrc_ext" in self.task.fields and self._is_in_lanes:
+            self.simulation.observed["cfrc_ext"][chosen] = 0  # as mj_resetData and mj_forward leave it
         self.simulation.reset_warm_start(chosen)
         self._episodes[chosen] += 1
         self.episode_length[chosen] = 0

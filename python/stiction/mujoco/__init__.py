@@ -9,7 +9,6 @@ they form. qacc, efc_force, efc_state and qfrc_constraint go back to where MuJoC
 docs/howto/mujoco.md.
 """
 
-import contextlib
 import copy
 import time
 
@@ -22,13 +21,15 @@ from ..core.arrays import STATUS_DTYPE
 from ..core.solution import SOLVED, Solution
 from ..core.solver import Solver
 from .batch import batch_of, gather, remade, take_answers
-from .data import Simulations, count_of, numbers_of, refuse
+from .data import Simulations, count_of, numbers_of, other_options, refuse
 from .derivative import pull
 from .hold import Held
+from .lanes import LanesSimulation
 from .memory_layout import LayoutError, address, handlers, layout, place_of
 from .metric import Metric
+from .robots import UnsupportedModel
 
-__all__ = ["BatchedSimulation", "LayoutError", "gather"]
+__all__ = ["BatchedSimulation", "LanesSimulation", "LayoutError", "UnsupportedModel", "gather"]
 
 _DISCRETE = getattr(mujoco.mjtIntegrator, "mjINT_DISCRETE", None)  # since 3.13
 
@@ -46,6 +47,8 @@ class BatchedSimulation:
     warm_start: 0: solves start from the free acceleration and no reaction. Else "auto" starts a model of up to 64
         degrees of freedom from qacc_warmstart, as MuJoCo does. Other solvers start a constraint from this part of its
         last reaction, by geoms and joints.
+    engine: "mujoco", whose stages are called on each simulation; or "lanes", which steps simulations side by side in
+        the lanes of vectors. It makes a LanesSimulation, which has options of its own.
     hold_failed: put a simulation back to its last good state where a step ends in NaN, or MuJoCo resets it for that.
         `failed` has their indices. Costs a copy of the states.
 
@@ -60,8 +63,14 @@ class BatchedSimulation:
     sleeping bodies, noslip iterations, incremental potentials (mjENBL_IPC), Python callbacks (mjcb_*).
     """
 
-    def __init__(self, model, n, *, solver="auto", tolerance=1e-6, max_iterations=1000, threads=0, warm_start=0.95,
-                 hold_failed=False):
+    def __new__(cls, model, n, *, engine="mujoco", **options):
+        if engine not in ("mujoco", "lanes"):
+            raise ValueError(f'engine: expected "mujoco" or "lanes", got {engine!r}')
+        return LanesSimulation(model, n, **options) if engine == "lanes" else super().__new__(cls)
+
+    def __init__(self, model, n, *, engine="mujoco", solver="auto", tolerance=1e-6, max_iterations=1000, threads=0,
+                 warm_start=0.95, hold_failed=False):
+        del engine  # what __new__ has read
         self._made_by = dict(solver=solver, tolerance=tolerance, max_iterations=max_iterations, threads=threads,
                              warm_start=warm_start, hold_failed=hold_failed)
         self._model = model
@@ -162,7 +171,7 @@ class BatchedSimulation:
             self._constrain_discretely(check=True)
             start = time.perf_counter()
             # Its own step: velocities by qacc, without damping once more.
-            with self._options(disable=mujoco.mjtDisableBit.mjDSBL_EULERDAMP):
+            with other_options(self.model, disable=mujoco.mjtDisableBit.mjDSBL_EULERDAMP):
                 self._run(*self._stages_after_solve(), "mj_Euler")
             self.seconds["advance"] += time.perf_counter() - start
 
@@ -284,18 +293,6 @@ class BatchedSimulation:
         """Takes every simulation through functions of MuJoCo's and stages of our own, all of them one after the other."""
         self._core.run(self._stages_at(stages))
 
-    @contextlib.contextmanager
-    def _options(self, ls_iterations=None, disable=0):
-        """Other options of the model for what runs within it."""
-        opt = self.model.opt
-        kept = opt.ls_iterations, opt.disableflags
-        try:
-            opt.ls_iterations = kept[0] if ls_iterations is None else ls_iterations
-            opt.disableflags |= int(disable)
-            yield
-        finally:
-            opt.ls_iterations, opt.disableflags = kept
-
     def _stages_before_solve(self, check, senses=True):
         """The functions of MuJoCo up to the solve, of one stage of a step. RK4 has sensors in the first alone, and energies
         in all: after a step data.energy is that of the last, as mj_step leaves it."""
@@ -357,7 +354,7 @@ class BatchedSimulation:
         """Up to accelerations with integrator `discrete`, parts of whose metric mj_forward alone builds: it runs, with a
         solver whose line search makes no step."""
         start = time.perf_counter()
-        with self._options(ls_iterations=None if self._uses_mujoco else 0):
+        with other_options(self.model, ls_iterations=None if self._uses_mujoco else 0):
             self._run(*(("mj_checkPos", "mj_checkVel") if check else ()), "mj_forward")
         found = time.perf_counter()
         self.seconds["smooth"] += found - start

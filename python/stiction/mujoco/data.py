@@ -1,6 +1,7 @@
 """The mujoco.MjData of a BatchedSimulation, and the models that it does not step."""
 
 import collections.abc
+import contextlib
 
 import mujoco
 import numpy as np
@@ -28,6 +29,19 @@ def count_of(nstep):
     if nstep < 0:
         raise ValueError(f"nstep: expected a number of steps of at least 0, got {nstep}")
     return nstep
+
+
+@contextlib.contextmanager
+def other_options(model, ls_iterations=None, disable=0):
+    """Other options of a model for what runs within it."""
+    opt = model.opt
+    kept = opt.ls_iterations, opt.disableflags
+    try:
+        opt.ls_iterations = kept[0] if ls_iterations is None else ls_iterations
+        opt.disableflags |= int(disable)
+        yield
+    finally:
+        opt.ls_iterations, opt.disableflags = kept
 
 
 def numbers_of(simulations, count):

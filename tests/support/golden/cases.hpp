@@ -10,6 +10,7 @@
 #include "tests/support/golden/derivatives.hpp"
 #include "tests/support/golden/forms.hpp"
 #include "tests/support/golden/matrices.hpp"
+#include "tests/support/golden/robots.hpp"
 
 /// The golden hashes: what every build, compiler and machine must answer within one numerics epoch.
 namespace stiction::test {
@@ -34,8 +35,10 @@ inline const std::map<std::string, std::uint64_t>& goldens() {
   return table;
 }
 
-/// First parts of the names. Derivatives are not asked of a GPU: they read the arrays where they are.
+/// First parts of the names. Derivatives are not asked of a GPU: they read the arrays where they are. Robots are
+/// stepped by the CPU alone.
 inline constexpr const char* kGoldenDerivatives = "derivative";
+inline constexpr const char* kGoldenRobots = "robots";
 inline constexpr const char* kGoldenForms[] = {"matrix", "pyramid", "jacobian", "factor", "bodies", "worlds"};
 
 /// Every row, to be computed; the order is that of hashes.inc.
@@ -57,6 +60,7 @@ inline const GoldenCases& golden_cases() {
     add_contact_derivatives(cases);
     add_jacobian_derivatives(cases);
     add_sweep_derivatives(cases);
+    add_robot_goldens(cases);
     return cases;
   }();
   return all;

@@ -114,6 +114,16 @@ inline void add_option_goldens(GoldenCases& cases) {
   SolverOptions impatient = options(SolverKind::npgs, 0, 1000);
   impatient.stall_window = 32;
   add("npgs stall 32", impatient);
+  const auto stacks = std::make_shared<const ContactBatch<double>>(golden_batch(kGoldenScenes[0]));
+  SolverOptions blocks = golden_options(SolverKind::npgs);
+  blocks.blocks = BlockMode::pairs;
+  add_laws(cases, "matrix/stack/npgs pairs", HashOfMatrix{stacks, blocks});
+  blocks.solver = SolverKind::nsgs;
+  blocks.blocks = BlockMode::strong;
+  add_laws(cases, "matrix/stack/nsgs strong", HashOfMatrix{stacks, blocks});
+  const auto piles = std::make_shared<const ContactBatch<double>>(golden_batch(kGoldenScenes[5]));
+  blocks.solver = SolverKind::pgs;
+  add_laws(cases, "matrix/pile/pgs strong", HashOfMatrix{piles, blocks});
 }
 
 /// The batch with boxed friction in every other of its friction cones.

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <functional>
 #include <map>
 #include <optional>
 #include <set>
@@ -59,12 +60,27 @@ class CountingDevice final : public cuda::DeviceApi {
   }
   void record(cuda::EventHandle, cuda::StreamHandle) override {}
   void wait(cuda::StreamHandle, cuda::EventHandle) override {}
-  bool capturing(cuda::StreamHandle) override { return false; }
+  void conditionally(const Offset*, cuda::StreamHandle stream, cuda::StreamHandle inner,
+                     const std::function<void(cuda::StreamHandle)>& body) override {
+    if (!is_capturing) {
+      body(stream);
+      return;
+    }
+    const int before = launches;
+    body(inner);
+    conditional_launches += launches - before;
+    launches = before;
+    ++conditions;
+  }
+  bool capturing(cuda::StreamHandle) override { return is_capturing; }
   void synchronize(cuda::StreamHandle) override {}
   void await(cuda::EventHandle) override {}
   std::optional<double> microseconds(cuda::EventHandle, cuda::EventHandle) override { return std::nullopt; }
 
-  int launches = 0;
+  bool is_capturing = false;     ///< whether streams say that they are captured
+  int launches = 0;              ///< that are behind no condition
+  int conditional_launches = 0;  ///< that are
+  int conditions = 0;
   int fills = 0;
   std::set<std::tuple<const void*, int, std::size_t, bool>> prepared;
   std::map<std::string, cuda::LaunchShape> shapes;  ///< of the first launch of each kernel, by name

@@ -95,7 +95,7 @@ void expect_all(const JacobianBatchView<Real>& batch, const Answer<Real>& answer
 /// What JacobianSolver is made of, on a device of the test's.
 template <class Real>
 struct Machine {
-  Machine(const std::shared_ptr<cuda::EmulatedDevice>& device, const JacobianCapacity& capacity, FactorUse use,
+  Machine(const std::shared_ptr<cuda::DeviceApi>& device, const JacobianCapacity& capacity, FactorUse use,
           const SolverOptions& chosen = some_iterations<Real>(), const cuda::VelocityRules& rules = {})
       : options(chosen), machine(device), jacobian(device, capacity, use, takes_newton(chosen), false, rules) {
     machine.reserve({capacity.envs, capacity.rows, capacity.cones, capacity.matrix, capacity.env_rows,
@@ -104,9 +104,11 @@ struct Machine {
   }
   void solve(const JacobianBatchView<Real>& batch, const JacobianSolutionView<Real>& solution, StreamRef stream) {
     if (takes_newton(options)) jacobian.solve_velocities(newton_job<Real>(batch, options, solution, {}), stream);
-    const ContactBatchView<Real> contact = jacobian.assemble(batch, stream);
-    machine.solve(SolveRequest<Real>{
-        nullptr, contact, {solution.lambda, solution.w, solution.status}, nullptr, contact.law, options, stream});
+    jacobian.queue_rest(batch, stream, [&](StreamRef own) {
+      const ContactBatchView<Real> contact = jacobian.assemble(batch, own);
+      machine.solve(SolveRequest<Real>{
+          nullptr, contact, {solution.lambda, solution.w, solution.status}, nullptr, contact.law, options, own});
+    });
     jacobian.write(batch, solution, stream);
   }
 

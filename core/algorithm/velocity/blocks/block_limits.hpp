@@ -12,13 +12,13 @@ inline constexpr Index kMostGroupBlocks = 64;
 /// the square of the rows.
 inline constexpr Offset kBlocksPerRow = 4;
 /// Most rows: what is counted by an Index stays below its limit.
-inline constexpr Index kMostBlockRows = 1 << 21;
+inline constexpr Index kMostRowsInBlocks = 1 << 21;
 
 /// Whether Newton's method in velocities may take an environment in blocks, by its size. Its form is known to be taken
 /// (takes_form). What is smaller goes into lanes, and where rows do not outnumber degrees of freedom A is small.
 template <class Real>
 STICTION_HD bool takes_blocks(const LaneEnv<Real>& env) {
-  return env.dofs > kMostVelocityDofs && env.rows <= kMostBlockRows && pays_in_sequence(env.rows, env.dofs);
+  return env.dofs > kMostVelocityDofs && env.rows <= kMostRowsInBlocks && pays_in_sequence(env.rows, env.dofs);
 }
 
 }  // namespace stiction::inline STICTION_ISA

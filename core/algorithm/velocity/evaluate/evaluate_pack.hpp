@@ -5,6 +5,7 @@
 #include "core/algorithm/velocity/evaluate/newton_progress.hpp"
 #include "core/algorithm/velocity/evaluate/pack_diagonal.hpp"
 #include "core/algorithm/velocity/evaluate/pack_islands.hpp"
+#include "core/algorithm/velocity/lanes/tree_factor.hpp"
 #include "core/algorithm/velocity/load/load_pack.hpp"
 
 /// Evaluates what decides about an answer, in double whatever the iteration's precision. These are
@@ -53,23 +54,30 @@ struct DoublePack {
     narrow(value, numbers.data + i * Types::kStride + first);
   }
 
-  /// sum += sign J' x of one slot.
-  STICTION_HD void push(const SlotOf<Types>& slot, const Doubles& sum, Double sign) const {
-    for (Index k = 0; k < slot.rows; ++k) {
-      const Double x = sign * number(workspace.x, slot.row + k);
-      const Offset entry = slot.entry + static_cast<Offset>(k) * slot.columns;
-      workspace.share(slot.columns, [&](Index c) {
-        sum.put(slot.dof[c], fma_(number(workspace.J, entry + c), x, sum[slot.dof[c]]));
+  /// sum += sign J' x.
+  STICTION_HD void push(const Doubles& sum, Double sign) const {
+    auto&& team = workspace.team();
+    for_each_in_turn(team, slots, counts.slots, [&](auto& workers, Index s) -> Index {
+      with_rows(slots, s, [&](auto rows, const auto& slot) {
+        constexpr int kRows = decltype(rows)::value;
+        Double x[kRows];
+        for (int k = 0; k < kRows; ++k) x[k] = sign * number(workspace.x, slot.row + k);
+        share(workers, slot.columns, [&](Index c) {
+          Double own = sum[slot.dof[c]];
+          for (int k = 0; k < kRows; ++k)
+            own = fma_(number(workspace.J, slot.entry + static_cast<Offset>(k) * slot.columns + c), x[k], own);
+          sum.put(slot.dof[c], own);
+        });
       });
-    }
-    workspace.sync();
+      return 1;
+    });
   }
 
   /// velocity = v_free + M^-1 J' x.
   STICTION_HD_OUTLINE void move() const {
     const Doubles pushed = array(workspace.scratch);
     workspace.each(tree.dofs, [&](Index k) { pushed.put(k, Double(0)); });
-    for (Index s = 0; s < counts.slots; ++s) push(slots[s], pushed, Double(1));
+    push(pushed, Double(1));
     auto&& team = workspace.team();
     solve_tree(team, tree, array(workspace.factor), array(workspace.pivot), pushed);
     const Doubles velocity = array(workspace.velocity);
@@ -108,45 +116,27 @@ struct DoublePack {
   STICTION_HD_OUTLINE void refresh_gradient() const {
     const Doubles v = array(workspace.v), sum = array(workspace.scratch);
     push_mass(sum, [&](Index k) { return v[k] - number(workspace.v_free, k); });
-    for (Index s = 0; s < counts.slots; ++s) push(slots[s], sum, Double(-1));
+    push(sum, Double(-1));
     workspace.each(tree.dofs, [&](Index k) { put(workspace.gradient, k, sum[k]); });
   }
 
-  /// sum = M change. A row adds to its ancestors' what its column says once they have what their rows say.
+  /// sum = M change.
   template <class F>
   STICTION_HD void push_mass(const Doubles& sum, F&& change) const {
+    auto&& team = workspace.team();
     if (mass == MassForm::factor) {
       push_change(sum, change);
-      return;
+    } else {
+      multiply_symmetric(team, tree, [&](Index e) { return number(workspace.M, e); }, change, sum);
     }
-    workspace.each(tree.dofs, [&](Index k) {
-      const typename Types::Numbers row = workspace.M.from(tree.begin[k]);
-      const SmallOf<Types>* const path = tree.path(k);
-      Double force = number(row, tree.depth[k]) * change(k);
-      for (Index d = tree.first(k); d < tree.depth[k]; ++d) force = fma_(number(row, d), change(path[d]), force);
-      sum.put(k, Double(0) + force);
-    });
-    for (Index k = 0; k < tree.dofs; ++k) {
-      const typename Types::Numbers row = workspace.M.from(tree.begin[k]);
-      push_column(sum, k, change(k), [&](Index d) { return number(row, d); });
-    }
-  }
-  /// sum += amount times the entries that row k has for its ancestors.
-  template <class F>
-  STICTION_HD void push_column(const Doubles& sum, Index k, Double amount, F&& entry) const {
-    const SmallOf<Types>* const path = tree.path(k);
-    const Index begin = tree.first(k);
-    workspace.each(tree.depth[k] - begin, [&](Index i) {
-      const Index to = path[begin + i];
-      sum.put(to, fma_(entry(begin + i), amount, sum[to]));
-    });
   }
 
   /// sum += L'DL change, by the factor that evaluations move v with: where the gradient is zero, they find v. It takes
   /// as many multiplications as M does, and M as rounded would be another problem.
   template <class F>
   STICTION_HD void push_change(const Doubles& sum, F&& change) const {
-    const Doubles factor = array(workspace.factor), force = array(workspace.wide_rows);
+    const Doubles factor = array(workspace.factor), force = array(workspace.force);
+    auto&& team = workspace.team();
     workspace.each(tree.dofs, [&](Index k) {
       const Doubles row = factor.from(tree.begin[k]);
       const SmallOf<Types>* const path = tree.path(k);
@@ -158,7 +148,7 @@ struct DoublePack {
     });
     for (Index k = 0; k < tree.dofs; ++k) {
       const Doubles row = factor.from(tree.begin[k]);
-      push_column(sum, k, force[k], [&](Index d) { return row[d]; });
+      add_column(team, tree, k, force[k], [&](Index d) { return row[d]; }, sum);
     }
   }
 
@@ -225,8 +215,8 @@ struct DoublePack {
   }
 
   /// What errors are measured by: b, which goes to `motion`, metrics of cones, and islands (docs/math/residual.md).
-  /// Returns the largest island's error scale.
-  STICTION_HD_OUTLINE Double find_scale(Law law) const {
+  /// Returns the largest island's error scale. `is_one`: all cones are of one island.
+  STICTION_HD_OUTLINE Double find_scale(Law law, bool is_one = false) const {
     const Doubles velocity = array(workspace.velocity), motion = array(workspace.motion);
     workspace.each(tree.dofs, [&](Index k) { velocity.put(k, number(workspace.v_free, k)); });
     Double largest(0);
@@ -254,7 +244,11 @@ struct DoublePack {
       most = max_(own, most);
     });
     most = workspace.largest(most);
-    PackIslands<DoublePack>{*this}.weigh(most);
+    if (is_one) {
+      workspace.each(counts.slots, [&](Index s) { array(workspace.share_of).put(s, Double(1)); });
+    } else {
+      PackIslands<DoublePack>{*this}.weigh(most);
+    }
     return most;
   }
 

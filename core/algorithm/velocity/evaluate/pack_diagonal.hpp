@@ -12,14 +12,16 @@ struct PackDiagonal {
   using Doubles = typename View::Doubles;
   const View& pack;
 
-  /// Lanes of a team take a slot each. A pack takes three rows at once of slots that touch the same degrees of freedom.
+  /// Lanes of a team take a row each. A pack takes three rows at once of slots that touch the same degrees of freedom.
   STICTION_HD void find() const {
-    const Doubles x = pack.array(pack.workspace.wide_rows);
+    const Doubles x = pack.array(pack.workspace.rows_by_depth());
     const Index count = pack.counts.slots;
     if constexpr (!kIsAlone<decltype(pack.workspace.team())>) {
       const Doubles own = x.from(Offset{pack.workspace.lanes->rank()} * pack.tree.levels);
-      pack.workspace.each(count, [&](Index s) {
-        for (Index k = 0; k < pack.slots[s].rows; ++k) find_of<1>(pack.slots[s], k, own);
+      pack.workspace.each(pack.counts.rows, [&](Index row) {
+        Index s = row < pack.counts.singles ? row : pack.counts.singles;
+        while (pack.slots[s].row + pack.slots[s].rows <= row) ++s;
+        find_of<1>(pack.slots[s], row - pack.slots[s].row, own);
       });
     } else {
       for (Index s = 0; s < count;) {
@@ -46,7 +48,7 @@ struct PackDiagonal {
     for (int r = 0; r < kRows; ++r) {
       const Offset entry = slot.entry + static_cast<Offset>(from + r) * slot.columns;
       for (Index c = 0; c < slot.columns; ++c)
-        x.put(kRows * slot.depth[c] + r, pack.number(pack.workspace.J, entry + c));
+        x.put(kRows * slot.depth()[c] + r, pack.number(pack.workspace.J, entry + c));
     }
     Double sum[kRows];
     for (int r = 0; r < kRows; ++r) sum[r] = Double(0);

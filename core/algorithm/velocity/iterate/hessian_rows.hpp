@@ -1,23 +1,10 @@
 #pragma once
 
-#include <type_traits>
-
 #include "core/algorithm/velocity/lanes/slots.hpp"
 
 /// J'GJ in the envelope of a tree, G being the slopes of cones (docs/math/velocity_newton.md).
 namespace stiction::inline STICTION_ISA {
 
-/// f(slot, number) for rows between bounds, g(shape, slot, number) for a friction cone.
-template <class SlotT, class F, class G>
-STICTION_HD void visit_slot(const SlotT* slots, Index s, F&& f, G&& g) {
-  if (slots[s].rows == 1) {
-    f(slots[s], s);
-    return;
-  }
-  with_shape(ConeKind::friction, slots[s].rows, [&](auto shape) {
-    if constexpr (decltype(shape)::kKind == ConeKind::friction) g(shape, slots[s], s);
-  });
-}
 /// visit_slot() of all slots, one after the other.
 template <class SlotT, class F, class G>
 STICTION_HD void visit_slots(const SlotT* slots, const SlotCounts& counts, F&& f, G&& g) {
@@ -45,8 +32,9 @@ struct HessianRows {
       terms.template times_hessian_rows<kCone, kRows>(slot, s, from, in, out[c]);
       row[c] = hessian.from(terms.tree.begin[slot.dof[first + c]]);
     }
+    const auto* const depth = slot.depth();
     const auto add = [&](int c, Index other, const Value(&entry)[kRows]) {
-      const Index at = slot.depth[other];
+      const Index at = depth[other];
       Value sum = row[c][at];
       for (int k = 0; k < kRows; ++k) sum = fma_(out[c][k], entry[k], sum);
       row[c].put(at, sum);
@@ -60,39 +48,45 @@ struct HessianRows {
   }
 
   /// Adds rows `from` and on of a slot. Lanes of a team take a column each, and the same ones of every slot.
-  template <bool kCone, int kRows, class SlotT>
-  STICTION_HD void add_slot(const SlotT& slot, Index s, Index from) const {
-    if constexpr (kIsAlone<decltype(terms.workspace.team())>) {
+  template <bool kCone, int kRows, Team TeamT, class SlotT>
+  STICTION_HD void add_slot(TeamT& team, const SlotT& slot, Index s, Index from) const {
+    if constexpr (kIsAlone<TeamT>) {
       Index first = 0;
       for (; first + 2 <= slot.columns; first += 2) add_columns<kCone, kRows, 2>(slot, s, from, first);
       if (first < slot.columns) add_columns<kCone, kRows, 1>(slot, s, from, first);
     } else {
-      terms.workspace.share(slot.columns, [&](Index first) { add_columns<kCone, kRows, 1>(slot, s, from, first); });
+      share(team, slot.columns, [&](Index first) { add_columns<kCone, kRows, 1>(slot, s, from, first); });
     }
   }
 
   /// Of all slots of one row. A pyramid's edges touch the same degrees of freedom, so that each entry of H is read once
   /// for several rows.
   STICTION_HD_OUTLINE void add_single_rows() const {
-    for (Index s = 0; s < terms.counts.singles;) {
-      const Index run = run_of(terms.slots, s, terms.counts.singles);
-      Index k = 0;
-      for (; k + 4 <= run; k += 4) add_slot<false, 4>(terms.slots[s], s, k);
-      for (; k + 2 <= run; k += 2) add_slot<false, 2>(terms.slots[s], s, k);
-      if (k < run) add_slot<false, 1>(terms.slots[s], s, k);
-      terms.workspace.sync();
-      s += run;
-    }
+    auto&& team = terms.workspace.team();
+    for_each_in_turn(team, terms.slots, terms.counts.singles, [&](auto& workers, Index s) -> Index {
+      if constexpr (kIsAlone<decltype(workers)> && !kIsAlone<decltype(team)>) {
+        add_columns<false, 1, 1>(terms.slots[s], s, 0, 0);
+        return 1;
+      } else {
+        const Index run = run_of(terms.slots, s, terms.counts.singles);
+        Index k = 0;
+        for (; k + 4 <= run; k += 4) add_slot<false, 4>(workers, terms.slots[s], s, k);
+        for (; k + 2 <= run; k += 2) add_slot<false, 2>(workers, terms.slots[s], s, k);
+        if (k < run) add_slot<false, 1>(workers, terms.slots[s], s, k);
+        return run;
+      }
+    });
   }
 
   STICTION_HD void add() const {
     add_single_rows();
-    visit_slots(
-        terms.slots, terms.counts, [](const auto&, Index) {},
-        [&](auto shape, const auto& slot, Index s) {
-          add_slot<true, decltype(shape)::kRows>(slot, s, 0);
-          terms.workspace.sync();
-        });
+    auto&& team = terms.workspace.team();
+    for (Index s = terms.counts.singles; s < terms.counts.slots; ++s) {
+      visit_slot(
+          terms.slots, s, [](const auto&, Index) {},
+          [&](auto shape, const auto& slot, Index) { add_slot<true, decltype(shape)::kRows>(team, slot, s, 0); });
+      team.sync();
+    }
   }
 };
 

@@ -63,12 +63,21 @@ struct NewtonPack {
     for (Index c = 0; c < slot.columns; ++c) sum = fma_(entries[c], vector[slot.dof[c]], sum);
     return sum;
   }
-  /// vector -= row k' times amount. A lane has the same columns of every row of a slot.
-  STICTION_HD void subtract_row(const SlotOf<Types>& slot, Index k, const Numbers& vector, Wide amount) const {
-    const Numbers entries = workspace.J.from(slot.entry + static_cast<Offset>(k) * slot.columns);
-    const Wide minus = Wide(0) - amount;
-    workspace.share(slot.columns,
-                    [&](Index c) { vector.put(slot.dof[c], fma_(entries[c], minus, vector[slot.dof[c]])); });
+  /// vector -= J' amount of a slot's rows, in their order; rows whose amount is zero in every lane are left out.
+  template <Team TeamT, int kRows>
+  STICTION_HD void subtract_rows(TeamT& workers, const SlotOf<Types>& slot, const Numbers& vector,
+                                 const Wide (&amount)[kRows]) const {
+    bool is_any[kRows];
+    bool is_one = false;
+    for (int k = 0; k < kRows; ++k) is_one = (is_any[k] = any(amount[k] != Wide(0))) || is_one;
+    if (!is_one) return;
+    const Numbers entries = workspace.J.from(slot.entry);
+    share(workers, slot.columns, [&](Index c) {
+      Wide sum = vector[slot.dof[c]];
+      for (int k = 0; k < kRows; ++k)
+        if (is_any[k]) sum = fma_(entries[static_cast<Offset>(k) * slot.columns + c], Wide(0) - amount[k], sum);
+      vector.put(slot.dof[c], sum);
+    });
   }
 
   /// Reactions and their slopes at z.
@@ -92,9 +101,10 @@ struct NewtonPack {
             workspace.x.put(slot.row + k, workspace.mu[slot.row + k] * (point.across * minus));
             workspace.G_rows.put(slot.row + k, minus * point.inverse_length);
           }
-          workspace.G_cones.put(3 * s, point.across);
-          workspace.G_cones.put(3 * s + 1, point.slide);
-          workspace.G_cones.put(3 * s + 2, point.bend);
+          const Index cone = s - counts.singles;
+          workspace.G_cones.put(3 * cone, point.across);
+          workspace.G_cones.put(3 * cone + 1, point.slide);
+          workspace.G_cones.put(3 * cone + 2, point.bend);
         });
   }
 
@@ -126,9 +136,10 @@ struct NewtonPack {
   template <int kRows>
   STICTION_HD void times_hessian(const SlotOf<Types>& slot, Index s, const Wide (&in)[kRows],
                                  Wide (&out)[kRows]) const {
-    const Wide across = workspace.G_cones[3 * s];
-    const Wide slide = workspace.G_cones[3 * s + 1];
-    const Wide bend = workspace.G_cones[3 * s + 2];
+    const Index cone = s - counts.singles;
+    const Wide across = workspace.G_cones[3 * cone];
+    const Wide slide = workspace.G_cones[3 * cone + 1];
+    const Wide bend = workspace.G_cones[3 * cone + 2];
     Wide along(0);
     Wide scaled[kRows];
     for (int k = 1; k < kRows; ++k) {
@@ -163,21 +174,25 @@ struct NewtonPack {
   /// gradient = J' G J p.
   STICTION_HD_OUTLINE void push_back() const {
     workspace.each(tree.dofs, [&](Index k) { workspace.gradient.put(k, Wide(0)); });
-    visit_slots(
-        slots, counts,
-        [&](const auto& slot, Index) {
-          subtract_row(slot, 0, workspace.gradient, Wide(0) - workspace.G_rows[slot.row] * workspace.Jp[slot.row]);
-          workspace.sync();
-        },
-        [&](auto shape, const auto& slot, Index s) {
-          constexpr int kRows = decltype(shape)::kRows;
-          Wide Jp[kRows];
-          Wide GJp[kRows];
-          for (int k = 0; k < kRows; ++k) Jp[k] = workspace.Jp[slot.row + k];
-          times_hessian<kRows>(slot, s, Jp, GJp);
-          for (int k = 0; k < kRows; ++k) subtract_row(slot, k, workspace.gradient, Wide(0) - GJp[k]);
-          workspace.sync();
-        });
+    auto&& team = workspace.team();
+    for_each_in_turn(team, slots, counts.slots, [&](auto& workers, Index s) -> Index {
+      visit_slot(
+          slots, s,
+          [&](const auto& slot, Index) {
+            const Wide amount[1] = {Wide(0) - workspace.G_rows[slot.row] * workspace.Jp[slot.row]};
+            subtract_rows(workers, slot, workspace.gradient, amount);
+          },
+          [&](auto shape, const auto& slot, Index) {
+            constexpr int kRows = decltype(shape)::kRows;
+            Wide Jp[kRows];
+            Wide GJp[kRows];
+            for (int k = 0; k < kRows; ++k) Jp[k] = workspace.Jp[slot.row + k];
+            times_hessian<kRows>(slot, s, Jp, GJp);
+            for (int k = 0; k < kRows; ++k) GJp[k] = Wide(0) - GJp[k];
+            subtract_rows(workers, slot, workspace.gradient, GJp);
+          });
+      return 1;
+    });
   }
 
   /// J p and G J p of a step p; returns p'g.
@@ -292,14 +307,17 @@ struct NewtonPack {
       workspace.model_gap.put(row, workspace.x[row] - t * workspace.GJp[row]);
     });
     refresh_reactions();
-    for (Index s = 0; s < counts.slots; ++s) {
-      for (Index k = 0; k < slots[s].rows; ++k) {
-        const Index row = slots[s].row + k;
-        const Wide change = workspace.model_gap[row] - workspace.x[row];
-        if (any(change != Wide(0))) subtract_row(slots[s], k, workspace.gradient, Wide(0) - change);
-      }
-      workspace.sync();
-    }
+    auto&& team = workspace.team();
+    for_each_in_turn(team, slots, counts.slots, [&](auto& workers, Index s) -> Index {
+      with_rows(slots, s, [&](auto rows, const auto& slot) {
+        constexpr int kRows = decltype(rows)::value;
+        Wide amount[kRows];
+        for (int k = 0; k < kRows; ++k)
+          amount[k] = Wide(0) - (workspace.model_gap[slot.row + k] - workspace.x[slot.row + k]);
+        subtract_rows(workers, slot, workspace.gradient, amount);
+      });
+      return 1;
+    });
   }
 };
 

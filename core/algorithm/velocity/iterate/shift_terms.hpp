@@ -28,17 +28,17 @@ struct ShiftTerms {
 
   /// De Saxce's term and the proximal one, from the reactions and motions of the last evaluation.
   STICTION_HD_OUTLINE void renew(int l, LaneProgress& lane) const {
-    SlipMixing mixing{workspace.slip + l, counts.slots, Types::kStride, lane.mixed};
+    const Index singles = counts.singles;  // which do not slip
+    SlipMixing mixing{workspace.slip + l, counts.slots - singles, Types::kStride, lane.mixed};
     SlipMixing::Weights weights{0.0, 0.0};
     const bool slips = law == Law::coulomb;
     if (slips) {
-      workspace.each(counts.slots, [&](Index s) {
-        const SlotOf<Types>& slot = slots[s];
-        mixing.age(s);
-        const double used =
-            slot.rows == 1 ? 0.0 : static_cast<double>(workspace.shift.at(slot.row, l)) + held(slot.row, l);
-        mixing.image(0, s) = slip_of(slot, l);
-        mixing.change(0, s) = mixing.image(0, s) - used;
+      workspace.each(counts.slots - singles, [&](Index cone) {
+        const SlotOf<Types>& slot = slots[singles + cone];
+        mixing.age(cone);
+        const double used = static_cast<double>(workspace.shift.at(slot.row, l)) + held(slot.row, l);
+        mixing.image(0, cone) = slip_of(slot, l);
+        mixing.change(0, cone) = mixing.image(0, cone) - used;
       });
       weights = mixing.weights();
       lane.mixed = lane.mixed < 2 ? lane.mixed + 1 : 2;
@@ -46,7 +46,7 @@ struct ShiftTerms {
     workspace.each(counts.slots, [&](Index s) {
       const SlotOf<Types>& slot = slots[s];
       for (Index k = 0; k < slot.rows; ++k) {
-        const double slip = slips && k == 0 && slot.rows > 1 ? mixing.next(weights, s) : 0.0;
+        const double slip = slips && k == 0 && slot.rows > 1 ? mixing.next(weights, s - singles) : 0.0;
         workspace.prox_center.at(slot.row + k, l) = workspace.x.at(slot.row + k, l);
         workspace.shift.at(slot.row + k, l) = static_cast<Number>(slip - held(slot.row + k, l));
       }

@@ -6,12 +6,13 @@
 #include "core/algorithm/velocity/iterate/newton_step.hpp"
 #include "core/algorithm/velocity/iterate/shift_terms.hpp"
 #include "core/algorithm/velocity/iterate/warm_guess.hpp"
+#include "core/algorithm/velocity/load/batch_source.hpp"
 
 /// Newton's method in velocities for the environments in the lanes of a pack (docs/math/velocity_newton.md). A lane's
 /// numbers depend on its environment alone: other lanes only add exact zeros and idle iterations.
 namespace stiction::inline STICTION_ISA {
 
-template <class Types>
+template <class Types, class Source = BatchSource<Types>>
 class VelocityNewton {
  public:
   using Wide = typename Types::Wide;
@@ -22,11 +23,9 @@ class VelocityNewton {
   /// Share of its error to which steps in this precision can take an environment before z is computed in double again.
   static constexpr double kAccurateTo = sizeof(Number) == sizeof(float) ? 1e-4 : 0.0;
 
-  STICTION_HD VelocityNewton(const VelocityJob<Real>& job, const LaneEnv<Real> (&envs)[kLanes],
-                             const TreeOf<Types>& tree, const SlotOf<Types>* slots, const SlotCounts& counts,
-                             const VelocityWorkspace<Types>& workspace)
-      : job_(job),
-        envs_(envs),
+  STICTION_HD VelocityNewton(const Source& source, const TreeOf<Types>& tree, const SlotOf<Types>* slots,
+                             const SlotCounts& counts, const VelocityWorkspace<Types>& workspace)
+      : source_(source),
         slots_(slots),
         counts_(counts),
         tree_(tree),
@@ -38,17 +37,14 @@ class VelocityNewton {
   STICTION_HD_OUTLINE void run() {
     load();
     while (iterate()) evaluate();
-    for (int l = 0; l < kLanes; ++l) {
-      const LaneProgress& lane = progress_[l];
-      if (envs_[l].env >= 0) *envs_[l].result = lane.result();
-    }
+    for (int l = 0; l < kLanes; ++l) source_.finish(workspace_, progress_[l], l);
   }
 
  private:
   [[nodiscard]] STICTION_HD DoublePack<Types> in_double(int first) const {
-    return {workspace_, tree_, slots_, counts_, first, job_.batch.mass_form};
+    return {workspace_, tree_, slots_, counts_, first, source_.mass_form()};
   }
-  [[nodiscard]] STICTION_HD ShiftTerms<Types> shift() const { return {workspace_, slots_, counts_, job_.law}; }
+  [[nodiscard]] STICTION_HD ShiftTerms<Types> shift() const { return {workspace_, slots_, counts_, source_.law()}; }
   /// f(DoublePack) for all lanes.
   template <class F>
   STICTION_HD void for_each_part(F&& f) const {
@@ -65,25 +61,22 @@ class VelocityNewton {
   }
 
   STICTION_HD_OUTLINE void load() {
-    const Real zeros[kTileReach<Real>] = {};
-    load_motion(workspace_, job_.batch, tree_, envs_, zeros);
-    workspace_.each(counts_.slots, [&](Index s) { load_slot(workspace_, job_.batch, slots_[s], s, envs_, zeros); });
+    source_.load(workspace_, tree_, slots_, counts_);
     const auto sound = sound_lanes(workspace_, tree_, slots_, counts_);
     for (int l = 0; l < kLanes; ++l) {
-      const Offset env = envs_[l].env;
       LaneProgress& lane = progress_[l];
       lane = LaneProgress{};
-      lane.is_busy = env >= 0 && is_set(sound, l);
+      lane.is_busy = source_.has(l) && is_set(sound, l);
       if (!lane.is_busy) continue;
-      lane.set_limits(job_, env, kMostSteps);
+      source_.set_limits(lane, l);
       // With tolerance 0 every iteration is asked for, and this method would end at rounding.
       lane.is_busy = lane.tolerance > 0.0;
     }
     for_each_part([&](const DoublePack<Types>& part) {
-      const auto definite = part.factor_mass();
+      const auto definite = source_.factor_mass(part);
       workspace_.each(tree_.dofs, [&](Index k) { part.put(workspace_.mobility, k, part.array(workspace_.pivot)[k]); });
       part.find_diagonal();
-      const Double scale = part.find_scale(job_.law);
+      const Double scale = part.find_scale(source_.law(), source_.is_one_island());
       for (int l = 0; l < Types::kDoubleLanes; ++l) {
         LaneProgress& lane = progress_[part.first + l];
         lane.scale = max_(lane_of(scale, l), 1e-300);
@@ -106,8 +99,8 @@ class VelocityNewton {
       }
     });
     for (int l = 0; l < kLanes; ++l) {
-      progress_[l].has_outer = progress_[l].has_outer || (job_.law == Law::coulomb && has_friction(l));
-      if (progress_[l].has_outer && !pays_in_sequence(envs_[l].rows, envs_[l].dofs)) progress_[l].is_busy = false;
+      progress_[l].has_outer = progress_[l].has_outer || (source_.law() == Law::coulomb && has_friction(l));
+      if (progress_[l].has_outer && !source_.takes_sequence(l)) progress_[l].is_busy = false;
     }
   }
 
@@ -122,7 +115,7 @@ class VelocityNewton {
   STICTION_HD_OUTLINE void load_guess() {
     auto can_start = Wide(0) == Wide(0);
     workspace_.each(counts_.slots, [&](Index s) {
-      load_by_row<Types, Real>(slots_[s], envs_, job_.warm_start, Real(0), workspace_.x);
+      source_.load_reactions(slots_[s], workspace_.x);
       for (Index k = 0; k < slots_[s].rows; ++k)
         can_start = and_(can_start, can_start_from(workspace_.x[slots_[s].row + k]));
     });
@@ -141,8 +134,8 @@ class VelocityNewton {
     for (int l = 0; l < kLanes; ++l) {
       LaneProgress& lane = progress_[l];
       lane.goal = max_(lane.has_outer ? kFirstGoal : kAccurateTo, propose(lane));
-      lane.starts_at_velocity = job_.warm_velocity != nullptr && lane.is_busy &&
-                                !(lane.has_outer && job_.warm_start != nullptr) && has_first_velocity(l);
+      lane.starts_at_velocity = source_.has_velocities() && lane.is_busy &&
+                                !(lane.has_outer && source_.has_reactions()) && has_first_velocity(l);
       any_reactions = any_reactions || (lane.is_busy && !lane.starts_at_velocity);
       any_velocity = any_velocity || lane.starts_at_velocity;
     }
@@ -152,7 +145,7 @@ class VelocityNewton {
           part.put(workspace_.free_motion(), row, part.array(workspace_.motion)[row]);
         });
       });
-    any_reactions = any_reactions && job_.warm_start != nullptr;
+    any_reactions = any_reactions && source_.has_reactions();
     if (any_reactions) {
       load_guess();
       for_each_proposal([&](int l, const FinalResidual& found) {
@@ -181,13 +174,9 @@ class VelocityNewton {
   STICTION_HD void forget_steps() const {
     workspace_.each(tree_.dofs, [&](Index k) { workspace_.dv.put(k, Wide(0)); });
   }
-  /// A lane's velocity to start from.
-  [[nodiscard]] STICTION_HD Real first_velocity(int l, Index k) const {
-    return job_.warm_velocity[job_.batch.env_dof_offsets[envs_[l].env] + dof_of(envs_[l], k)];
-  }
   [[nodiscard]] STICTION_HD bool has_first_velocity(int l) {
     bool can_start = true;
-    for (Index k = 0; k < envs_[l].dofs; ++k) can_start = can_start && can_start_from(first_velocity(l, k));
+    for (Index k = 0; k < source_.dofs(l); ++k) can_start = can_start && can_start_from(source_.first_velocity(l, k));
     if (!can_start) progress_[l].flags |= kFlagWarmStartRejected;
     return can_start;
   }
@@ -198,8 +187,8 @@ class VelocityNewton {
     pack_.refresh_reactions();
     const Wide without = pack_.potential();
     for (int l = 0; l < kLanes; ++l)
-      workspace_.each(progress_[l].starts_at_velocity ? envs_[l].dofs : 0, [&](Index k) {
-        workspace_.v[Offset{k} * Types::kStride + l] = static_cast<double>(first_velocity(l, k));
+      workspace_.each(progress_[l].starts_at_velocity ? source_.dofs(l) : 0, [&](Index k) {
+        workspace_.v[Offset{k} * Types::kStride + l] = static_cast<double>(source_.first_velocity(l, k));
       });
     for_each_part([](const DoublePack<Types>& part) {
       part.refresh_motion();
@@ -312,7 +301,7 @@ class VelocityNewton {
     if constexpr (sizeof(Real) < sizeof(Number))
       workspace_.each(counts_.rows, [&](Index row) { workspace_.x.put(row, in_single(workspace_.x[row])); });
     for_each_part([&](const DoublePack<Types>& part) {
-      const auto evaluated = part.evaluate(job_.law);
+      const auto evaluated = part.evaluate(source_.law());
       for (int l = 0; l < Types::kDoubleLanes; ++l)
         f(part.first + l,
           final_residual_of({lane_of(evaluated.square, l), lane_of(evaluated.stuck, l), lane_of(evaluated.plain, l),
@@ -337,7 +326,7 @@ class VelocityNewton {
     LaneProgress& lane = progress_[l];
     lane.template take<Real>(found);
     lane.is_busy = !lane.is_answered;
-    if (lane.is_answered) write_lane(l);
+    if (lane.is_answered) source_.write_lane(workspace_, slots_, counts_, l);
     return lane.relative;
   }
 
@@ -367,26 +356,7 @@ class VelocityNewton {
                                             : 0.1 * lane.goal;
   }
 
-  /// The answer of a lane, to where the batch has it.
-  STICTION_HD void write_lane(int l) {
-    const LaneEnv<Real>& env = envs_[l];
-    workspace_.each(counts_.slots, [&](Index s) {
-      for (Index k = 0; k < slots_[s].rows && slots_[s].row_of[l] >= 0; ++k) {
-        const Offset to = env.first_row + slots_[s].row_of[l] + k;
-        const Index row = slots_[s].row + k;
-        job_.to.lambda[to] = canonical_zero(static_cast<Real>(workspace_.x.at(row, l)));
-        if (job_.to.w != nullptr)
-          job_.to.w[to] = canonical_zero(saturated<Real>(workspace_.motion[Offset{row} * Types::kStride + l]));
-      }
-    });
-    workspace_.each(job_.to.velocity != nullptr ? env.dofs : 0, [&](Index k) {
-      job_.to.velocity[job_.batch.env_dof_offsets[env.env] + dof_of(env, k)] =
-          canonical_zero(saturated<Real>(workspace_.velocity[Offset{k} * Types::kStride + l]));
-    });
-  }
-
-  const VelocityJob<Real>& job_;
-  const LaneEnv<Real> (&envs_)[kLanes];
+  Source source_;
   const SlotOf<Types>* slots_;
   const SlotCounts& counts_;
   const TreeOf<Types>& tree_;

@@ -39,7 +39,7 @@ struct VelocityWorkspace {
   Numbers prox;           ///< what is added to R                                    (rows)
   Numbers G_rows;         ///< G by rows: slope of the first, direction of -z_t      (rows)
   Numbers law;            ///< RowLaw or ConeLaw                                     (3 slots)
-  Numbers G_cones;        ///< G by cones: across, slide, bend                       (3 slots)
+  Numbers G_cones;        ///< G by friction cones: across, slide, bend              (3 cones)
   Numbers dv;             ///< sum of the steps since v was written down             (dofs)
   Numbers v_free;         ///<                                                       (dofs)
   Numbers gradient;       ///<                                                       (dofs)
@@ -51,19 +51,22 @@ struct VelocityWorkspace {
   double* v;              ///< velocity                                              (dofs; lanes)
   double* factor;         ///< of M, in double                                       (tree entries; lanes)
   double* pivot;          ///< inverse pivots of M                                   (dofs; lanes)
-  double* velocity;       ///< v_free + M^-1 J' x                                    (dofs; lanes)
-  double* motion;         ///< of the reactions' rows                                (rows; lanes)
-  double* error_unit;     ///< ErrorScale::unit                                     (1; lanes)
-  double* share_of;       ///< of each cone's island, over the largest error scale  (slots; lanes)
-  double* axis_press;     ///< ConeMetric's weights of rows                         (rows; lanes)
-  double* axis_slip;      ///<                                                      (rows; lanes)
   double* diagonal;       ///< of A, row by row of a cone, scaled                    (rows; lanes)
+  double* velocity;       ///< v_free + M^-1 J' x                                    (dofs; lanes)
   double* scratch;        ///<                                                       (dofs; lanes)
-  double* wide_rows;      ///< three rows of J, by depth, or one for each of a team's lanes  (wide_rows(); lanes)
-  double* slip;           ///< de Saxce's terms of the last evaluations              (kSlips; slots; lanes)
+  double* force;          ///<                                                       (dofs; lanes)
+  double* motion;         ///< of the reactions' rows                                (rows; lanes)
+  double* axis_press;     ///< ConeMetric's weights of rows                          (rows; lanes)
+  double* axis_slip;      ///<                                                       (rows; lanes)
+  double* error_unit;     ///< ErrorScale::unit                                      (1; lanes)
+  double* share_of;       ///< of each cone's island, over the largest error scale   (slots; lanes)
+  double* slip;           ///< de Saxce's terms of the last evaluations              (kSlips; friction cones; lanes)
   Numbers terms;          ///< of ordered sums, factors side by side; teams alone    (2 rows + 2 slots)
   Team* lanes = nullptr;  ///< that own the pack together; null: one
 
+  /// Rows of J by depth: three, or one for each of a team's lanes. They lie over what is written once the diagonal is
+  /// known.
+  [[nodiscard]] STICTION_HD double* rows_by_depth() const { return velocity; }
   /// Motion that reactions of zero leave; no step has been made where it is read.
   [[nodiscard]] STICTION_HD const Numbers& free_motion() const { return model_gap; }
 
@@ -110,49 +113,41 @@ struct VelocityWorkspace {
     return own.max(value);
   }
 
-  /// Numbers of `wide_rows` of a pack that one lane owns, or of a team.
-  static STICTION_HD constexpr Offset wide_rows_alone(Index dofs) { return 3 * Offset{dofs}; }
-  static STICTION_HD constexpr Offset wide_rows_of(Index lanes, Index levels, Index dofs) {
-    return larger_of(Offset{lanes} * levels, Offset{dofs});
-  }
-
-  /// Doubles that a workspace takes.
+  /// Doubles that a workspace takes. `by_depth`: of rows_by_depth(), if it is more than a pack's.
   static STICTION_HD constexpr Offset doubles(const SlotCounts& counts, Index dofs, Index tree_entries,
-                                              Offset wide_rows) {
-    const Offset rows = counts.rows, slots = counts.slots;
-    const Offset numbers =
-        counts.entries + 12 * rows + 6 * slots + 6 * Offset{dofs} + 2 * Offset{tree_entries} + term_count(counts);
-    const Offset wide = 1 + Offset{tree_entries} + 4 * Offset{dofs} + wide_rows + 4 * rows + (1 + kSlips) * slots;
+                                              Offset by_depth = 0) {
+    const Offset rows = counts.rows, slots = counts.slots, cones = counts.slots - counts.singles;
+    const Offset numbers = counts.entries + 12 * rows + 3 * slots + 3 * cones + 6 * Offset{dofs} +
+                           2 * Offset{tree_entries} + term_count(counts);
+    const Offset late = 3 * Offset{dofs} + 3 * rows + 1 + slots + kSlips * cones;
+    const Offset wide = Offset{tree_entries} + 2 * Offset{dofs} + rows + larger_of(late, by_depth);
     return kStride * (wide + (numbers + kDouble - 1) / kDouble);
-  }
-  static STICTION_HD constexpr Offset doubles(const SlotCounts& counts, Index dofs, Index tree_entries) {
-    return doubles(counts, dofs, tree_entries, wide_rows_alone(dofs));
   }
 
   /// `lane`: which of kStride lanes that share the memory; 0 for a pack.
   STICTION_HD VelocityWorkspace(double* memory, const SlotCounts& counts, Index dofs, Index tree_entries,
-                                Index lane = 0)
-      : VelocityWorkspace(memory, counts, dofs, tree_entries, wide_rows_alone(dofs), lane) {}
-  STICTION_HD VelocityWorkspace(double* memory, const SlotCounts& counts, Index dofs, Index tree_entries,
-                                Offset wide_rows_room, Index lane) {
+                                Index lane = 0, Offset by_depth = 0) {
     const auto take_doubles = [&memory, lane](Offset count) {
       double* const part = memory + lane;
       memory += count * kStride;
       return part;
     };
+    const Offset cones = counts.slots - counts.singles;
     factor = take_doubles(tree_entries);
     v = take_doubles(dofs);
     pivot = take_doubles(dofs);
+    diagonal = take_doubles(counts.rows);
+    double* const late = memory;
     velocity = take_doubles(dofs);
     scratch = take_doubles(dofs);
-    wide_rows = take_doubles(wide_rows_room);
+    force = take_doubles(dofs);
     motion = take_doubles(counts.rows);
-    diagonal = take_doubles(counts.rows);
     axis_press = take_doubles(counts.rows);
     axis_slip = take_doubles(counts.rows);
     error_unit = take_doubles(1);
     share_of = take_doubles(counts.slots);
-    slip = take_doubles(kSlips * Offset{counts.slots});
+    slip = take_doubles(kSlips * cones);
+    if (memory < late + by_depth * kStride) memory = late + by_depth * kStride;
     Number* rest = reinterpret_cast<Number*>(memory);
     const auto take = [&rest, lane](Offset count) {
       const Numbers part{rest + lane};
@@ -162,7 +157,8 @@ struct VelocityWorkspace {
     J = take(counts.entries);
     for (Numbers* part : {&z, &x, &Jp, &GJp, &model_gap, &target, &shift, &mu, &R, &prox_center, &prox, &G_rows})
       *part = take(counts.rows);
-    for (Numbers* part : {&law, &G_cones}) *part = take(3 * Offset{counts.slots});
+    law = take(3 * Offset{counts.slots});
+    G_cones = take(3 * cones);
     for (Numbers* part : {&dv, &v_free, &gradient, &step, &inverse, &mobility}) *part = take(dofs);
     for (Numbers* part : {&M, &H}) *part = take(tree_entries);
     terms = take(term_count(counts));

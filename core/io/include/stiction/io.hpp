@@ -35,6 +35,7 @@ struct RecordedSolve {
   Precision precision = Precision::f64;  ///< of the solve; f32 numbers are widened exactly in memory
   double tolerance = 0, absolute_tolerance = 0, omega = 1;
   IslandMode islands = IslandMode::together;
+  BlockMode blocks = BlockMode::cones;
   Index max_iterations = 0, stall_window = 0;
   Index direct_rows = SolverOptions{}.direct_rows;
   SolverChoice choose = SolverChoice::named;

@@ -1,0 +1,108 @@
+#include <gtest/gtest.h>
+
+#include <cstdint>
+#include <set>
+#include <utility>
+#include <vector>
+
+#include "stiction/articulated.hpp"
+#include "tests/support/error_message.hpp"
+#include "tests/support/machines/scoped_isa.hpp"
+#include "tests/support/systems/walker_states.hpp"
+
+/// Boxes, capsules and spheres on each other: points that are found lane by lane.
+namespace {
+
+using namespace stiction;
+using namespace stiction::test;
+
+/// Free bodies over a table, each of which may touch all others.
+ArticulatedDescription heap() {
+  ArticulatedDescription model;
+  model.timestep = 0.004;
+  model.bodies.push_back({});
+  model.geoms.push_back({0, GeomKind::box, {.6, .5, .1}, {}, {1, 0, 0, 0}});
+  const GeomKind kinds[] = {GeomKind::box, GeomKind::capsule, GeomKind::capsule, GeomKind::sphere, GeomKind::box};
+  for (const GeomKind kind : kinds) {
+    const auto body = static_cast<Index>(model.bodies.size());
+    const double height = 0.1 + 0.13 * static_cast<double>(body);
+    model.bodies.push_back({0,
+                            1,
+                            {.03 * static_cast<double>(body), .02, height},
+                            {0.6, 0.8, 0, 0},
+                            1,
+                            {},
+                            {1, 0, 0, 0},
+                            {.01, .012, .014},
+                            {1, 80}});
+    model.joints.push_back({});
+    model.joints.back().kind = JointKind::free;
+    model.geoms.push_back({body, kind, {.08, .12, .06}, {0, .01, 0}, {1, 0, 0, 0}});
+  }
+  model.dofs.resize(30);
+  for (Index a = 0; a < 6; ++a)
+    for (Index b = a + 1; b < 6; ++b) {
+      const auto kind = [&](Index g) { return model.geoms[static_cast<std::size_t>(g)].kind; };
+      const bool ascends = kind(a) <= kind(b);
+      model.pairs.push_back({ascends ? a : b, ascends ? b : a, 3, {.7, .7, .01, .001, .001}, .002, .004, {}, {}});
+    }
+  return model;
+}
+
+template <class Real>
+std::uint64_t hash_after(int threads = 1) {
+  ArticulatedBatch<Real> robots(heap(), kEnvs, {1e-5, 100, threads});
+  for (std::size_t k = 0; k < robots.qvel().size(); ++k) robots.qvel()[k] = static_cast<Real>(number(k));
+  robots.step(60);
+  return robots.hash();
+}
+
+TEST(ArticulatedBoxes, InstructionSetsAndThreadsChangeNoBit) {
+  const std::uint64_t wide = hash_after<double>(), narrow = hash_after<float>();
+  EXPECT_EQ(hash_after<double>(3), wide);
+  for (const char* isa : usable_isas()) {
+    const ScopedIsa scoped(isa);
+    EXPECT_EQ(hash_after<double>(), wide) << isa;
+    EXPECT_EQ(hash_after<float>(), narrow) << isa;
+  }
+}
+
+TEST(ArticulatedBoxes, EveryPairTouchesSomewhere) {
+  ArticulatedBatch<double> robots(heap(), kEnvs, {1e-5, 100, 1});
+  for (std::size_t k = 0; k < robots.qvel().size(); ++k) robots.qvel()[k] = number(k);
+  const ArticulatedDescription model = heap();
+  std::set<std::pair<GeomKind, GeomKind>> touched;
+  for (int round = 0; round < 10; ++round) {
+    robots.step(20);
+    const ArticulatedProbe probe = robots.probe();
+    for (std::size_t env = 0; env < static_cast<std::size_t>(kEnvs); ++env)
+      for (Index k = 0; k < probe.contacts[env]; ++k) {
+        const auto at = env * static_cast<std::size_t>(probe.most_contacts) + static_cast<std::size_t>(k);
+        const ArticulatedPair& pair = model.pairs[static_cast<std::size_t>(probe.pair[at])];
+        const auto kind = [&](Index g) { return model.geoms[static_cast<std::size_t>(g)].kind; };
+        touched.emplace(kind(pair.geom_a), kind(pair.geom_b));
+      }
+  }
+  EXPECT_EQ(touched.size(), 5U);  // one sphere, two of the others
+}
+
+TEST(ArticulatedBoxes, ARobotThatIsNotFiniteStaysAlone) {
+  ArticulatedBatch<double> robots(heap(), 5, {1e-5, 100, 1}), alone(heap(), 1, {1e-5, 100, 1});
+  const auto nv = static_cast<std::size_t>(robots.dof_count()), nq = static_cast<std::size_t>(robots.q_count());
+  for (std::size_t k = 0; k < 5 * nv; ++k) robots.qvel()[k] = number(k);
+  for (std::size_t k = 0; k < nv; ++k) alone.qvel()[k] = number(3 * nv + k);
+  robots.qpos()[2 * nq + 9] = __builtin_nan("");
+  robots.step(40);
+  alone.step(40);
+  EXPECT_EQ(robots.status()[2].code, EnvCode::invalid_input);
+  for (std::size_t k = 0; k < nq; ++k) EXPECT_EQ(robots.qpos()[3 * nq + k], alone.qpos()[k]) << k;
+}
+
+TEST(ArticulatedBoxes, KindsOfAPairAscend) {
+  ArticulatedDescription model = heap();
+  std::swap(model.pairs[1].geom_a, model.pairs[1].geom_b);
+  EXPECT_NE(error_message([&] { ArticulatedBatch<double>(model, 1); }).find("swap geom_a and geom_b"),
+            std::string::npos);
+}
+
+}  // namespace

@@ -1,0 +1,58 @@
+#pragma once
+
+#include <span>
+#include <string>
+
+#include "tests/support/golden/case.hpp"
+#include "tests/support/systems/walker_states.hpp"
+
+/// Golden rows of robots in lanes: "robots/walker/INTEGRATOR CONES/PRECISION", of states, records and observed arrays.
+namespace stiction::test {
+
+/// A walker beside a box that flies and falls by itself.
+inline ArticulatedDescription walker_and_crate(bool is_elliptic) {
+  ArticulatedDescription model = walker(is_elliptic);
+  const auto crate = static_cast<Index>(model.bodies.size()), geom = static_cast<Index>(model.geoms.size());
+  model.bodies.push_back(
+      {0, 1, {1, 0, 0.3}, {.6, 0, .8, 0}, 2, {.02, .01, 0}, {1, 0, 0, 0}, {.01, .03, .02}, {.5, 30}});
+  model.joints.push_back({});
+  model.joints.back().kind = JointKind::free;
+  model.dofs.resize(model.dofs.size() + 6);
+  model.geoms.push_back({crate, GeomKind::box, {.2, .1, .15}, {}, {1, 0, 0, 0}});
+  model.pairs.push_back({0, geom, 3, {.7, .7, .01, .001, .001}, 0, 0, {}, {}});
+  model.is_implicit_fast = true;
+  return model;
+}
+
+template <class Real>
+std::uint64_t robots_digest(const ArticulatedDescription& model, bool varies) {
+  ArticulatedOptions options{1e-5, 100, 2, varies, {}};
+  if (varies) options.varies = {VariedArray::body_mass, VariedArray::pair_friction, VariedArray::actuator_gain};
+  ArticulatedBatch<Real> robots(model, kEnvs, options);
+  put_states(robots, all_envs());
+  for (const VariedArray array : options.varies) {
+    const std::span<Real> numbers = robots.varied(array);
+    for (std::size_t k = 0; k < numbers.size(); ++k) numbers[k] *= static_cast<Real>(1 + 0.25 * number(k));
+  }
+  robots.step(25);
+  Digest digest;
+  digest.add(robots.hash()).add(robots.status());
+  if (varies) digest.add(hash_bits(std::span<const Real>(robots.observed(ObservedArray::cfrc_ext))));
+  return digest.value();
+}
+
+inline void add_robot_goldens(GoldenCases& cases) {
+  for (const bool is_elliptic : {false, true}) {
+    const std::string cones = is_elliptic ? " elliptic" : " pyramids";
+    const auto add = [&](const char* integrator, const ArticulatedDescription& model, bool varies) {
+      add_precisions(cases, "robots/walker/" + (integrator + cones),
+                     [model, varies](auto real, Device) { return robots_digest<decltype(real)>(model, varies); });
+    };
+    add("euler", walker(is_elliptic), false);
+    add("rk4", walker(is_elliptic, true), false);
+    add("implicitfast", walker_and_crate(is_elliptic), false);
+    add("varied", walker(is_elliptic), true);
+  }
+}
+
+}  // namespace stiction::test
