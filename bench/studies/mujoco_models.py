@@ -14,8 +14,10 @@ CONES = {"pyramidal": mujoco.mjtCone.mjCONE_PYRAMIDAL, "elliptic": mujoco.mjtCon
 
 def load(name, cone, robots=None):
     """A model as Gymnasium ships it (pyramidal, its own integrator), but with MuJoCo's Newton and that cone. robots: the
-    folder of gymnasium_robotics, for those of its models."""
-    if name in ROBOTS:
+    folder of gymnasium_robotics, for those of its models. A name that ends with .xml is a file."""
+    if name.endswith(".xml"):
+        path = name
+    elif name in ROBOTS:
         path = robots / "envs" / "assets" / ROBOTS[name]
     else:
         path = pathlib.Path(gymnasium.__file__).parent / "envs" / "mujoco" / "assets" / {**MODELS, **OTHERS}[name]
