@@ -8,6 +8,7 @@ import runpy
 import numpy as np
 import pytest
 from conftest import ROOT
+from frameworks import framework
 
 FEWER = {"COUNT, STEPS, ROUNDS = 64, 100, 20": "COUNT, STEPS, ROUNDS = 32, 50, 10"}
 
@@ -54,7 +55,7 @@ def test_a_robot_of_ones_own(monkeypatch):
     monkeypatch.chdir(ROOT)
     names = run("a_robot_of_ones_own.md", least=2)
     assert names["robots"].solved.all()
-    pytest.importorskip("stable_baselines3", reason="NOT compared with the example's model: pip install stable-baselines3")
+    framework("stable_baselines3", "the model of the example beside the tutorial is")
     example = runpy.run_path(str(ROOT / "examples" / "python" / "14_quadruped.py"))["flat_model"]()
     saved = [np.empty(mujoco.mj_sizeModel(model), np.uint8) for model in (names["model"], example)]
     for model, buffer in zip((names["model"], example), saved):
