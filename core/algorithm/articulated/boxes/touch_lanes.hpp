@@ -2,29 +2,10 @@
 
 #include "core/algorithm/articulated/boxes/box_box.hpp"
 #include "core/algorithm/articulated/boxes/capsule_box.hpp"
-#include "core/algorithm/articulated/workspace.hpp"
+#include "core/algorithm/articulated/touch_by_lane.hpp"
 
-/// Points of boxes with all but planes, lane by lane: their choices branch too much for vectors.
+/// Points of boxes with all but planes.
 namespace stiction::inline STICTION_ISA {
-
-/// One lane's shape, placed.
-template <class Real>
-STICTION_HD PlacedShape<Scalar<Real>> shape_in(const Robots<Real>& robots, Index g, int lane) {
-  using T = Scalar<Real>;
-  const auto& geom = robots.model.geom[g];
-  const auto number = [&](const Real& value) { return reinterpret_cast<const T*>(&value)[lane]; };
-  const auto vector = [&](const Vector3<Real>& v) { return Vector3<T>{number(v.x), number(v.y), number(v.z)}; };
-  const Axes3<Real>& axes = robots.work.geom_axes[g];
-  const bool is_box = geom.kind == GeomKind::box;
-  const ShapeKind kind = is_box                           ? ShapeKind::box
-                         : geom.kind == GeomKind::capsule ? ShapeKind::capsule
-                                                          : ShapeKind::sphere;
-  const Vector3<T> z = vector(axes.z);
-  return {kind,
-          vector(robots.work.geom_position[g]),
-          {is_box ? vector(axes.x) : z, is_box ? vector(axes.y) : z, z},
-          {geom.size[0], geom.size[1], geom.size[2]}};
-}
 
 template <class T>
 STICTION_HD BoxPoints<T> points_with_box(const PlacedShape<T>& a, const PlacedShape<T>& box, T reach) {
@@ -32,37 +13,11 @@ STICTION_HD BoxPoints<T> points_with_box(const PlacedShape<T>& a, const PlacedSh
   return a.kind == ShapeKind::capsule ? capsule_box(a, box, reach) : sphere_box(a, box);
 }
 
-/// Writes down what lanes that are near find. A place that a lane has no point for is beyond every margin there.
 template <class Real, class T>
-STICTION_HD_OUTLINE void touch_box_by_lane(const Robots<Real>& robots, const ArticulatedPairData<T>& pair,
-                                           Mask<Real> near) {
-  constexpr int kLanes = RealTraits<Real>::kLanes;
-  constexpr T kFar = T(1e30);
-  auto& work = robots.work;
-  for (Index k = 0; k < pair.points; ++k) {
-    work.distance[pair.first + k] = Real(kFar);
-    work.point[pair.first + k] = work.normal[pair.first + k] = no_vector<Real>();
-  }
-  for (int lane = 0; lane < kLanes; ++lane) {
-    if (!is_set(near, lane)) continue;
-    const BoxPoints<T> found =
-        points_with_box(shape_in(robots, pair.geom_a, lane), shape_in(robots, pair.geom_b, lane), pair.reach);
-    const auto put = [&](Real& to, T number) { reinterpret_cast<T*>(&to)[lane] = number; };
-    const auto put3 = [&](Vector3<Real>& to, const Vector3<T>& v) {
-      put(to.x, v.x);
-      put(to.y, v.y);
-      put(to.z, v.z);
-    };
-    for (Index k = 0; k < found.count && k < pair.points; ++k) {
-      put(work.distance[pair.first + k], -found.at[k].depth);
-      put3(work.point[pair.first + k], found.at[k].point);
-      put3(work.normal[pair.first + k], found.at[k].normal);
-    }
-  }
-  for (Index k = 0; k < pair.points; ++k) {
-    work.touches[pair.first + k] = work.distance[pair.first + k] < Real(pair.margin);
-    work.is_point[pair.first + k] = any(work.touches[pair.first + k]) ? 1 : 0;
-  }
+STICTION_HD void touch_box_by_lane(const Robots<Real>& robots, const ArticulatedPairData<T>& pair, Mask<Real> near) {
+  touch_by_lane(robots, pair, near, [&](int lane) {
+    return points_with_box(shape_in(robots, pair.geom_a, lane), shape_in(robots, pair.geom_b, lane), pair.reach);
+  });
 }
 
 }  // namespace stiction::inline STICTION_ISA

@@ -1,0 +1,61 @@
+#pragma once
+
+#include "core/algorithm/articulated/workspace.hpp"
+#include "core/algorithm/collision/manifold.hpp"
+
+/// Points that are found lane by lane: their choices branch too much for vectors.
+namespace stiction::inline STICTION_ISA {
+
+/// One lane's shape, placed.
+template <class Real>
+STICTION_HD PlacedShape<Scalar<Real>> shape_in(const Robots<Real>& robots, Index g, int lane) {
+  using T = Scalar<Real>;
+  const auto& geom = robots.model.geom[g];
+  const auto number = [&](const Real& value) { return reinterpret_cast<const T*>(&value)[lane]; };
+  const auto vector = [&](const Vector3<Real>& v) { return Vector3<T>{number(v.x), number(v.y), number(v.z)}; };
+  const Axes3<Real>& axes = robots.work.geom_axes[g];
+  const bool has_axes = geom.kind == GeomKind::box;
+  const ShapeKind kind = has_axes                         ? ShapeKind::box
+                         : geom.kind == GeomKind::capsule ? ShapeKind::capsule
+                                                          : ShapeKind::sphere;
+  const Vector3<T> z = vector(axes.z);
+  return {kind,
+          vector(robots.work.geom_position[g]),
+          {has_axes ? vector(axes.x) : z, has_axes ? vector(axes.y) : z, z},
+          {geom.size[0], geom.size[1], geom.size[2]}};
+}
+
+/// Writes down what lanes that are near find: find(lane) has points `at` and their `count`. A place that a lane has no
+/// point for is beyond every margin there.
+template <class Real, class T, class F>
+STICTION_HD_OUTLINE void touch_by_lane(const Robots<Real>& robots, const ArticulatedPairData<T>& pair, Mask<Real> near,
+                                       F&& find) {
+  constexpr int kLanes = RealTraits<Real>::kLanes;
+  constexpr T kFar = T(1e30);
+  auto& work = robots.work;
+  for (Index k = 0; k < pair.points; ++k) {
+    work.distance[pair.first + k] = Real(kFar);
+    work.point[pair.first + k] = work.normal[pair.first + k] = no_vector<Real>();
+  }
+  for (int lane = 0; lane < kLanes; ++lane) {
+    if (!is_set(near, lane)) continue;
+    const auto found = find(lane);
+    const auto put = [&](Real& to, T number) { reinterpret_cast<T*>(&to)[lane] = number; };
+    const auto put3 = [&](Vector3<Real>& to, const Vector3<T>& v) {
+      put(to.x, v.x);
+      put(to.y, v.y);
+      put(to.z, v.z);
+    };
+    for (Index k = 0; k < found.count && k < pair.points; ++k) {
+      put(work.distance[pair.first + k], -found.at[k].depth);
+      put3(work.point[pair.first + k], found.at[k].point);
+      put3(work.normal[pair.first + k], found.at[k].normal);
+    }
+  }
+  for (Index k = 0; k < pair.points; ++k) {
+    work.touches[pair.first + k] = work.distance[pair.first + k] < Real(pair.margin);
+    work.is_point[pair.first + k] = any(work.touches[pair.first + k]) ? 1 : 0;
+  }
+}
+
+}  // namespace stiction::inline STICTION_ISA
