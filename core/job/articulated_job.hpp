@@ -11,6 +11,9 @@ inline constexpr Index kMostArticulatedDofs = 64;
 /// Most rows of an environment that could be active at one time.
 inline constexpr Index kMostArticulatedRows = 8192;
 
+/// Most points of a capsule on a height field, which all others have fewer of.
+inline constexpr Index kMostFieldPoints = 16;
+
 /// Share of the sum of a body's principal moments by which two differ that count as equal.
 inline constexpr double kSameMoments = 1e-13;
 
@@ -62,6 +65,20 @@ struct ArticulatedGeomData {
   Index body;
   GeomKind kind;
   T size[3], position[3], axes[9];  ///< columns: the geom's axes in its body's
+  Index field;                      ///< of a height field
+};
+
+/// Returns false for shapes that are round about their z axis, and for planes.
+constexpr bool has_three_axes(GeomKind kind) {
+  return kind == GeomKind::height_field || kind >= GeomKind::cylinder;
+}
+
+template <class T>
+struct ArticulatedFieldData {
+  Index rows, columns;
+  Offset first;        ///< of its heights among those of all fields
+  T half[2], cell[2];  ///< widths along x and y
+  T base;
 };
 
 /// How a row's compliance and reference follow from its distance.
@@ -85,7 +102,7 @@ struct ArticulatedPairData {
   T normal[3], offset;  ///< of the plane, if the first geom is one
   T margin;             ///< distance below which a point has rows
   T reach;              ///< distance up to which a point counts: of a box the first four do
-  T bound;              ///< of centres, beyond which nothing touches
+  T bound;              ///< of centres, beyond which nothing touches; of one above a plane or a field's frame
   T friction[5];
   T ratio[6];  ///< compliance of each row over the normal's; of a pyramid ratio[1] is its edges'
   RowGive<T> give;
@@ -169,6 +186,8 @@ struct ArticulatedModelView {
   const ArticulatedDofData<T>* dof;
   const ArticulatedActuatorData<T>* actuator;
   const ArticulatedGeomData<T>* geom;
+  const ArticulatedFieldData<T>* field;
+  const T* height;  ///< of all fields, row by row
   const ArticulatedPairData<T>* pair;
   const ArticulatedEqualityData<T>* equality;
   const ArticulatedLimitData<T>* limit;

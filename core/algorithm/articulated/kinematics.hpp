@@ -73,7 +73,7 @@ STICTION_HD Axes3<Real> constant_axes(const Scalar<Real> (&m)[9]) {
       {Real(m[0]), Real(m[1]), Real(m[2])}, {Real(m[3]), Real(m[4]), Real(m[5])}, {Real(m[6]), Real(m[7]), Real(m[8])}};
 }
 
-/// Places bodies, joints and geoms. A sphere and a capsule need the z axis alone.
+/// Places bodies, joints and geoms. Some need the z axis alone.
 template <class Real>
 STICTION_HD_OUTLINE void place_bodies(const Robots<Real>& robots) {
   const auto& model = robots.model;
@@ -94,7 +94,7 @@ STICTION_HD_OUTLINE void place_bodies(const Robots<Real>& robots) {
     const Axes3<Real> own = constant_axes<Real>(geom.axes);
     work.geom_position[g] = added(work.position[geom.body], along(axes, in_lanes<Real>(geom.position)));
     work.geom_axes[g].z = along(axes, own.z);
-    if (geom.kind < GeomKind::cylinder) continue;  // round about z
+    if (!has_three_axes(geom.kind)) continue;
     work.geom_axes[g].x = along(axes, own.x);
     work.geom_axes[g].y = along(axes, own.y);
   }

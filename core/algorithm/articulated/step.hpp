@@ -148,7 +148,10 @@ class RobotStep {
     for_each_lane([&](int l) {
       if ((definite >> l & 1U) == 0) fail(l, EnvCode::invalid_input, kFlagBadMass);
     });
-    find_points(robots_);
+    const unsigned full = find_points(robots_);
+    for_each_lane([&](int l) {
+      if ((full >> l & 1U) != 0) records_[l].flags |= kFlagContactsDropped;
+    });
     find_limits(robots_);
     solve(lanes_ & definite, observes);
     if (observes) BodyObserver<Real>{robots_}.write();

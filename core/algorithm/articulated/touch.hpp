@@ -1,6 +1,7 @@
 #pragma once
 
 #include "core/algorithm/articulated/boxes/touch_lanes.hpp"
+#include "core/algorithm/articulated/fields/touch_field.hpp"
 #include "core/algorithm/articulated/workspace.hpp"
 #include "core/algorithm/collision/plane_contacts.hpp"
 #include "core/algorithm/collision/round_contacts.hpp"
@@ -143,19 +144,34 @@ STICTION_HD void touch_box(const Robots<Real>& robots, const ArticulatedPairData
   if (any(near)) touch_box_by_lane(robots, pair, near);
 }
 
+/// A height field and something round, or a box. Returns a bit for each lane that had more points than places.
+template <class Real, class T>
+STICTION_HD unsigned touch_field(const Robots<Real>& robots, const ArticulatedPairData<T>& pair) {
+  const auto& work = robots.work;
+  for (Index k = 0; k < pair.points; ++k) work.is_point[pair.first + k] = 0;
+  const Vector3<Real> apart = subtract(work.geom_position[pair.geom_b], work.geom_position[pair.geom_a]);
+  const auto near = dot(work.geom_axes[pair.geom_a].z, apart) < Real(pair.bound);
+  return any(near) ? touch_field_by_lane(robots, pair, near) : 0U;
+}
+
+/// Finds the points of all pairs. Returns a bit for each lane in which one had more points than places.
 template <class Real>
-STICTION_HD_OUTLINE void find_points(const Robots<Real>& robots) {
+STICTION_HD_OUTLINE unsigned find_points(const Robots<Real>& robots) {
   const auto& model = robots.model;
+  unsigned full = 0;
   for (Index p = 0; p < model.pairs; ++p) {
     const auto& pair = model.pair[p];
     if (model.geom[pair.geom_a].kind == GeomKind::plane) {
       touch_ground(robots, pair);
+    } else if (model.geom[pair.geom_a].kind == GeomKind::height_field) {
+      full |= touch_field(robots, pair);
     } else if (model.geom[pair.geom_b].kind == GeomKind::box) {
       touch_box(robots, pair);
     } else {
       touch_round(robots, pair);
     }
   }
+  return full;
 }
 
 /// Limits that are near enough to have a row.

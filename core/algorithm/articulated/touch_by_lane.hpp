@@ -6,7 +6,7 @@
 /// Points that are found lane by lane: their choices branch too much for vectors.
 namespace stiction::inline STICTION_ISA {
 
-/// One lane's shape, placed.
+/// One lane's shape, placed. A height field has the place of its frame.
 template <class Real>
 STICTION_HD PlacedShape<Scalar<Real>> shape_in(const Robots<Real>& robots, Index g, int lane) {
   using T = Scalar<Real>;
@@ -14,7 +14,7 @@ STICTION_HD PlacedShape<Scalar<Real>> shape_in(const Robots<Real>& robots, Index
   const auto number = [&](const Real& value) { return reinterpret_cast<const T*>(&value)[lane]; };
   const auto vector = [&](const Vector3<Real>& v) { return Vector3<T>{number(v.x), number(v.y), number(v.z)}; };
   const Axes3<Real>& axes = robots.work.geom_axes[g];
-  const bool has_axes = geom.kind == GeomKind::box;
+  const bool has_axes = has_three_axes(geom.kind);
   const ShapeKind kind = has_axes                         ? ShapeKind::box
                          : geom.kind == GeomKind::capsule ? ShapeKind::capsule
                                                           : ShapeKind::sphere;

@@ -24,11 +24,12 @@ enum class JointKind : std::uint8_t {
 
 /// Shapes that touch; the values are MuJoCo's.
 enum class GeomKind : std::uint8_t {
-  plane = 0,     ///< of bodies that never move alone; its normal is its z axis
-  sphere = 2,    ///< size[0] radius
-  capsule = 3,   ///< size[0] radius, size[1] half length along its z axis
-  cylinder = 5,  ///< the same; against planes alone
-  box = 6,       ///< size: half extents
+  plane = 0,         ///< of bodies that never move alone; its normal is its z axis
+  height_field = 1,  ///< likewise; against spheres, capsules and corners of boxes
+  sphere = 2,        ///< size[0] radius
+  capsule = 3,       ///< size[0] radius, size[1] half length along its z axis
+  cylinder = 5,      ///< the same; against planes alone
+  box = 6,           ///< size: half extents
 };
 
 /// How far a row gives: MuJoCo's solref and solimp (MuJoCo documentation, "Solver parameters"). The exponent in
@@ -95,6 +96,15 @@ struct ArticulatedEquality {
   ArticulatedGive give;                             ///< of its row
 };
 
+/// Ground over a grid, the same in all environments. Cells are cut from the corner of least x and y to the opposite
+/// one. Below their two triangles it is solid.
+struct ArticulatedHeightField {
+  Index rows = 0, columns = 0;   ///< of the grid, along y and x, at least 2
+  std::array<double, 2> half{};  ///< half its widths along x and y [m], > 0
+  double base = 0;               ///< how far it goes down below its frame [m], > 0
+  std::vector<double> heights;   ///< above its frame, beginning where x and y are least [m]   (rows, columns)
+};
+
 /// A shape in the frame of its body.
 struct ArticulatedGeom {
   Index body = 0;                                 ///< body
@@ -102,6 +112,7 @@ struct ArticulatedGeom {
   std::array<double, 3> size{};                   ///< as the kind says [m]
   std::array<double, 3> position{};               ///< of its centre [m]
   std::array<double, 4> orientation{1, 0, 0, 0};  ///< unit quaternion (w, x, y, z)
+  Index field = -1;                               ///< of a height field: its number
 };
 
 /// Two geoms that may touch, kinds in ascending order.
@@ -110,7 +121,7 @@ struct ArticulatedPair {
   Index dim = 3;                                            ///< 1, 3, 4 or 6 directions in which the contact pushes
   std::array<double, 5> friction{1, 1, 0.005, 1e-4, 1e-4};  ///< two sliding, spinning, two rolling
   double margin = 0;                        ///< distance below which the contact has rows, and from which they count
-  double reach = 0;                         ///< points up to here are chosen from: of a box on a plane four corners
+  double reach = 0;                         ///< points up to here are chosen from: of a box on the ground four corners
   ArticulatedGive give;                     ///< of its rows
   std::array<double, 2> friction_solref{};  ///< of an elliptic cone's tangential rows; zeros: as the normal's
 };
@@ -139,6 +150,7 @@ struct ArticulatedDescription {
   std::vector<ArticulatedDof> dofs;                 ///< in order of their joints
   std::vector<ArticulatedActuator> actuators;       ///< in order of controls
   std::vector<ArticulatedEquality> equalities;      ///< that always hold
+  std::vector<ArticulatedHeightField> fields;       ///< that geoms name
   std::vector<ArticulatedGeom> geoms;               ///< that pairs name
   std::vector<ArticulatedPair> pairs;               ///< that may touch
   Index tendons = 0;                                ///< how many there are

@@ -218,7 +218,16 @@ void ArticulatedModel<T>::add_pairs(const ArticulatedDescription& from) {
     put(to.size, one.size);
     put(to.position, one.position);
     put(to.axes, axes_from(one.orientation));
+    to.field = one.field;
     geoms_.push_back(to);
+  }
+  for (const ArticulatedHeightField& one : from.fields) {
+    ArticulatedFieldData<T> to{one.rows, one.columns, static_cast<Offset>(heights_.size()), {}, {}, {}};
+    put(to.half, one.half);
+    put(to.cell, {2 * one.half[0] / (one.columns - 1), 2 * one.half[1] / (one.rows - 1)});
+    to.base = static_cast<T>(one.base);
+    fields_.push_back(to);
+    for (const double height : one.heights) heights_.push_back(static_cast<T>(height));
   }
   for (const ArticulatedPair& one : from.pairs) {
     const ArticulatedGeom &a = from.geoms[at(one.geom_a)], &b = from.geoms[at(one.geom_b)];
@@ -252,7 +261,7 @@ void ArticulatedModel<T>::add_pairs(const ArticulatedDescription& from) {
     to.margin = static_cast<T>(one.margin);
     to.reach = static_cast<T>(one.reach);
     const double most = one.margin > one.reach ? one.margin : one.reach;
-    const double bound = (a.kind == GeomKind::plane ? 0 : radius_of(a)) + radius_of(b) + most;
+    const double bound = height_of(from, a) + radius_of(b) + most;
     to.bound = static_cast<T>(bound * (1 + 1e-6));
     put(to.friction, one.friction);
     const double slide = one.friction[0] * one.friction[0];
@@ -367,6 +376,8 @@ ArticulatedModelView<T> ArticulatedModel<T>::view() const {
   put_array(view.dof_count, view.dof, dofs_);
   put_array(view.actuator_count, view.actuator, actuators_);
   put_array(view.geoms, view.geom, geoms_);
+  view.field = fields_.data();
+  view.height = heights_.data();
   put_array(view.pairs, view.pair, pairs_);
   put_array(view.equalities, view.equality, equalities_);
   put_array(view.limits, view.limit, limits_);

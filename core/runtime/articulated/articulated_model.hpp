@@ -39,6 +39,8 @@ class ArticulatedModel {
   std::vector<ArticulatedDofData<T>> dofs_;
   std::vector<ArticulatedActuatorData<T>> actuators_;
   std::vector<ArticulatedGeomData<T>> geoms_;
+  std::vector<ArticulatedFieldData<T>> fields_;
+  std::vector<T> heights_;  ///< of all fields
   std::vector<ArticulatedPairData<T>> pairs_;
   std::vector<ArticulatedEqualityData<T>> equalities_;
   std::vector<ArticulatedLimitData<T>> limits_;

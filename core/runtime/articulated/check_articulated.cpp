@@ -152,25 +152,52 @@ bool never_moves(const ArticulatedDescription& model, Index body) {
   return true;
 }
 
-void check_pairs(const ArticulatedDescription& model) {
+void check_fields(const ArticulatedDescription& model) {
+  for (std::size_t i = 0; i < model.fields.size(); ++i) {
+    const ArticulatedHeightField& field = model.fields[i];
+    require(field.rows >= 2, place_of("fields", i, "rows"), field.rows, "at least 2");
+    require(field.columns >= 2, place_of("fields", i, "columns"), field.columns, "at least 2");
+    for (const double half : field.half)
+      require(half > 0 && std::isfinite(half), place_of("fields", i, "half"), half, "> 0 and finite");
+    require(field.base > 0 && std::isfinite(field.base), place_of("fields", i, "base"), field.base, "> 0 and finite");
+    expect_length(place_of("fields", i, "heights").c_str(), field.heights.size(), at(field.rows) * at(field.columns),
+                  "rows times columns");
+    for (const double height : field.heights)
+      require(height > -field.base && std::isfinite(height), place_of("fields", i, "heights"), height,
+              "finite and above -base");
+  }
+}
+
+void check_geoms(const ArticulatedDescription& model) {
   for (std::size_t i = 0; i < model.geoms.size(); ++i) {
     const ArticulatedGeom& geom = model.geoms[i];
     require_place(place_of("geoms", i, "body"), geom.body, model.bodies.size());
-    const bool is_known = geom.kind == GeomKind::plane || geom.kind == GeomKind::sphere ||
-                          geom.kind == GeomKind::capsule || geom.kind == GeomKind::cylinder ||
-                          geom.kind == GeomKind::box;
+    const bool is_known = geom.kind == GeomKind::plane || geom.kind == GeomKind::height_field ||
+                          geom.kind == GeomKind::sphere || geom.kind == GeomKind::capsule ||
+                          geom.kind == GeomKind::cylinder || geom.kind == GeomKind::box;
     if (!is_known)
       refuse(place_of("geoms", i, "kind") + " = " + std::to_string(static_cast<int>(geom.kind)) +
-             ": must be that of a plane, sphere, capsule, cylinder or box");
+             ": must be that of a plane, height field, sphere, capsule, cylinder or box");
     require_finite(place_of("geoms", i, "position"), geom.position);
     require_finite(place_of("geoms", i, "size"), geom.size);
     require_unit(place_of("geoms", i, "orientation"), geom.orientation);
+    if (geom.kind == GeomKind::height_field)
+      require_place(place_of("geoms", i, "field"), geom.field, model.fields.size());
   }
+}
+
+void check_pairs(const ArticulatedDescription& model) {
   for (std::size_t i = 0; i < model.pairs.size(); ++i) {
     const ArticulatedPair& pair = model.pairs[i];
     require_place(place_of("pairs", i, "geom_a"), pair.geom_a, model.geoms.size());
     require_place(place_of("pairs", i, "geom_b"), pair.geom_b, model.geoms.size());
     const ArticulatedGeom &a = model.geoms[at(pair.geom_a)], &b = model.geoms[at(pair.geom_b)];
+    const bool is_on_field = b.kind == GeomKind::sphere || b.kind == GeomKind::capsule || b.kind == GeomKind::box;
+    const bool has_field = a.kind == GeomKind::height_field || b.kind == GeomKind::height_field;
+    if (has_field && !(a.kind == GeomKind::height_field && is_on_field && never_moves(model, a.body)))
+      refuse_model(
+          "pairs[" + std::to_string(i) +
+          "]: height fields touch spheres, capsules and boxes in lanes, and stand still: give the field first");
     const bool is_ground = a.kind == GeomKind::plane && b.kind != GeomKind::plane && never_moves(model, a.body);
     if (!is_ground && (a.kind == GeomKind::plane || b.kind == GeomKind::plane))
       refuse_model("pairs[" + std::to_string(i) +
@@ -198,6 +225,8 @@ void check_articulated(const ArticulatedDescription& description) {
   check_actuators(description);
   check_equalities(description);
   check_tendons(description);
+  check_fields(description);
+  check_geoms(description);
   check_pairs(description);
 }
 

@@ -1,8 +1,10 @@
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 
-#include "stiction/articulated.hpp"
+#include "core/base/extents.hpp"
+#include "core/job/articulated_job.hpp"
 
 /// Facts about two geoms that may touch.
 namespace stiction {
@@ -16,8 +18,19 @@ inline double radius_of(const ArticulatedGeom& geom) {
   return s[0];
 }
 
-/// Most points that two geoms touch in, kinds in ascending order.
+/// Farthest that it reaches up from its frame, on which other geoms stand, or from its centre.
+inline double height_of(const ArticulatedDescription& model, const ArticulatedGeom& geom) {
+  if (geom.kind == GeomKind::plane) return 0;
+  if (geom.kind != GeomKind::height_field) return radius_of(geom);
+  const auto& heights = model.fields[at(geom.field)].heights;
+  return *std::max_element(heights.begin(), heights.end());
+}
+
+/// Most points that two geoms touch in, kinds in ascending order. On a height field a sphere is on the eight triangles
+/// of four cells, and a capsule on twice as many.
 inline Index points_of(const ArticulatedGeom& a, const ArticulatedGeom& b) {
+  if (a.kind == GeomKind::height_field)
+    return b.kind == GeomKind::sphere ? kMostFieldPoints / 2 : b.kind == GeomKind::capsule ? kMostFieldPoints : 4;
   if (a.kind == GeomKind::sphere || b.kind == GeomKind::sphere) return 1;
   if (b.kind == GeomKind::cylinder) return 4;
   return a.kind == GeomKind::capsule || b.kind == GeomKind::capsule ? 2 : 8;

@@ -4,7 +4,7 @@
 #include <string>
 
 #include "tests/support/golden/case.hpp"
-#include "tests/support/systems/walker_states.hpp"
+#include "tests/support/systems/rough_ground.hpp"
 
 /// Golden rows of robots in lanes: "robots/walker/INTEGRATOR CONES/PRECISION", of states, records and observed arrays.
 namespace stiction::test {
@@ -12,14 +12,8 @@ namespace stiction::test {
 /// A walker beside a box that flies and falls by itself.
 inline ArticulatedDescription walker_and_crate(bool is_elliptic) {
   ArticulatedDescription model = walker(is_elliptic);
-  const auto crate = static_cast<Index>(model.bodies.size()), geom = static_cast<Index>(model.geoms.size());
-  model.bodies.push_back(
-      {0, 1, {1, 0, 0.3}, {.6, 0, .8, 0}, 2, {.02, .01, 0}, {1, 0, 0, 0}, {.01, .03, .02}, {.5, 30}});
-  model.joints.push_back({});
-  model.joints.back().kind = JointKind::free;
-  model.dofs.resize(model.dofs.size() + 6);
-  model.geoms.push_back({crate, GeomKind::box, {.2, .1, .15}, {}, {1, 0, 0, 0}});
-  model.pairs.push_back({0, geom, 3, {.7, .7, .01, .001, .001}, 0, 0, {}, {}});
+  add_free_body(model, GeomKind::box, {.2, .1, .15}, {1, 0, 0.3});
+  model.pairs.back().margin = model.pairs.back().reach = 0;
   model.is_implicit_fast = true;
   return model;
 }
@@ -52,6 +46,7 @@ inline void add_robot_goldens(GoldenCases& cases) {
     add("rk4", walker(is_elliptic, true), false);
     add("implicitfast", walker_and_crate(is_elliptic), false);
     add("varied", walker(is_elliptic), true);
+    add("height field", rough_walk(is_elliptic), false);
   }
 }
 

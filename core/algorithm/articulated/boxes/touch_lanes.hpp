@@ -4,7 +4,7 @@
 #include "core/algorithm/articulated/boxes/capsule_box.hpp"
 #include "core/algorithm/articulated/touch_by_lane.hpp"
 
-/// Points of boxes with all but planes.
+/// Points of boxes with all but planes and height fields.
 namespace stiction::inline STICTION_ISA {
 
 template <class T>

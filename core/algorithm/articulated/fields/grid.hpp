@@ -1,0 +1,56 @@
+#pragma once
+
+#include "core/algorithm/articulated/fields/prism.hpp"
+#include "core/job/articulated_job.hpp"
+
+namespace stiction::inline STICTION_ISA {
+
+/// A height field in its own frame: cells of two triangles each, cut from their first corner to their last.
+template <class T>
+struct FieldGrid {
+  const ArticulatedFieldData<T>& field;
+  const T* height;  ///< of all fields
+
+  [[nodiscard]] STICTION_HD Vector3<T> vertex(Index row, Index column) const {
+    return {field.cell[0] * static_cast<T>(column) - field.half[0], field.cell[1] * static_cast<T>(row) - field.half[1],
+            height[field.first + Offset{row} * field.columns + column]};
+  }
+  /// Triangles of a cell: the one above the cut, seen from above, and the one below it.
+  [[nodiscard]] STICTION_HD Triangle3<T> triangle(Index row, Index column, Index half) const {
+    const Vector3<T> first = vertex(row, column), last = vertex(row + 1, column + 1);
+    if (half == 0) return {vertex(row + 1, column), first, last};
+    return {first, vertex(row, column + 1), last};
+  }
+  /// The cell of a row, axis 0, or of a column, axis 1, that a coordinate is over, or the nearest one.
+  [[nodiscard]] STICTION_HD Index cell_at(int axis, T place) const {
+    const T cells = div_(place + field.half[axis], field.cell[axis]);
+    const Index last = (axis == 0 ? field.columns : field.rows) - 2;
+    if (!(cells > T(0))) return 0;
+    return cells < static_cast<T>(last) ? static_cast<Index>(cells) : last;
+  }
+  [[nodiscard]] STICTION_HD bool is_over(const Vector3<T>& p) const {
+    return abs_(p.x) <= field.half[0] && abs_(p.y) <= field.half[1];
+  }
+  /// The triangle that a point over the field is over.
+  [[nodiscard]] STICTION_HD Triangle3<T> triangle_at(const Vector3<T>& p) const {
+    const Index row = cell_at(1, p.y), column = cell_at(0, p.x);
+    const Vector3<T> from = subtract(p, vertex(row, column));
+    return triangle(row, column, from.y * field.cell[0] > from.x * field.cell[1] ? 0 : 1);
+  }
+
+  /// f(prism) of all whose top is above `low` in cells that a box reaches into, rows first.
+  template <class F>
+  STICTION_HD void for_each_prism(const Vector3<T>& low, const Vector3<T>& high, F&& f) const {
+    if (low.x > field.half[0] || high.x < -field.half[0] || low.y > field.half[1] || high.y < -field.half[1]) return;
+    const Index last_row = cell_at(1, high.y), last_column = cell_at(0, high.x);
+    for (Index row = cell_at(1, low.y); row <= last_row; ++row)
+      for (Index column = cell_at(0, low.x); column <= last_column; ++column)
+        for (Index half = 0; half < 2; ++half) {
+          const Triangle3<T> top = triangle(row, column, half);
+          if (top.a.z < low.z && top.b.z < low.z && top.c.z < low.z) continue;
+          f(FieldPrism<T>(top, -field.base));
+        }
+  }
+};
+
+}  // namespace stiction::inline STICTION_ISA
