@@ -245,10 +245,17 @@ void bind_description(nb::module_& module) {
           nb::arg("solimp"))
       .def(
           "add_geom",
-          [](D& to, Index body, int kind, Three size, Three position, Four orientation) {
-            to.geoms.push_back({body, static_cast<GeomKind>(kind), size, position, orientation});
+          [](D& to, Index body, int kind, Three size, Three position, Four orientation, Index field) {
+            to.geoms.push_back({body, static_cast<GeomKind>(kind), size, position, orientation, field});
           },
-          nb::kw_only(), nb::arg("body"), nb::arg("kind"), nb::arg("size"), nb::arg("position"), nb::arg("orientation"))
+          nb::kw_only(), nb::arg("body"), nb::arg("kind"), nb::arg("size"), nb::arg("position"), nb::arg("orientation"),
+          nb::arg("field"))
+      .def(
+          "add_field",
+          [](D& to, Index rows, Index columns, Two half, double base, std::vector<double> heights) {
+            to.fields.push_back({rows, columns, half, base, std::move(heights)});
+          },
+          nb::kw_only(), nb::arg("rows"), nb::arg("columns"), nb::arg("half"), nb::arg("base"), nb::arg("heights"))
       .def(
           "add_pair",
           [](D& to, Index geom_a, Index geom_b, Index dim, Five friction, double margin, double reach, Two solref,

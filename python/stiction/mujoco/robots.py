@@ -8,8 +8,8 @@ import numpy as np
 from .. import _core
 
 _DISABLE, _ENABLE, _GEOM = mujoco.mjtDisableBit, mujoco.mjtEnableBit, mujoco.mjtGeom
-_PLANE, _CYLINDER = int(_GEOM.mjGEOM_PLANE), int(_GEOM.mjGEOM_CYLINDER)
-_SHAPES = (_PLANE, int(_GEOM.mjGEOM_SPHERE), int(_GEOM.mjGEOM_CAPSULE), _CYLINDER, int(_GEOM.mjGEOM_BOX))
+_PLANE, _FIELD, _CYLINDER = int(_GEOM.mjGEOM_PLANE), int(_GEOM.mjGEOM_HFIELD), int(_GEOM.mjGEOM_CYLINDER)
+_SHAPES = (_PLANE, _FIELD, int(_GEOM.mjGEOM_SPHERE), int(_GEOM.mjGEOM_CAPSULE), _CYLINDER, int(_GEOM.mjGEOM_BOX))
 _RK4, _IMPLICITFAST = int(mujoco.mjtIntegrator.mjINT_RK4), int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
 _SPINS = (int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL))
 _AFFINE_GAIN, _AFFINE_BIAS = int(mujoco.mjtGain.mjGAIN_AFFINE), int(mujoco.mjtBias.mjBIAS_AFFINE)
@@ -223,19 +223,32 @@ def _add_tendons(to, model):
             to.add_tendon_term(tendon=tendon, joint=int(model.wrap_objid[term]), coefficient=float(model.wrap_prm[term]))
 
 
+def _add_field(to, model, i):
+    rows, columns, first = (int(values[i]) for values in (model.hfield_nrow, model.hfield_ncol, model.hfield_adr))
+    x, y, height, base = model.hfield_size[i].tolist()
+    shares = model.hfield_data[first:first + rows * columns]
+    to.add_field(rows=rows, columns=columns, half=[x, y], base=base, heights=(shares.astype(float) * height).tolist())
+
+
 def _add_contacts(to, model):
     pairs = _pairs_of(model)
     for a, b, _ in pairs:
         kinds = sorted((int(model.geom_type[a]), int(model.geom_type[b])))
         if any(kind not in _SHAPES for kind in kinds):
-            _refuse(f"contacts of geoms {a} and {b}, which are not both planes, spheres, capsules, cylinders or boxes")
+            _refuse(f"contacts of geoms {a} and {b}, which are not both planes, height fields, spheres, capsules, cylinders or boxes")
         if _CYLINDER in kinds and kinds[0] != _PLANE:
             _refuse(f"contacts of geoms {a} and {b}, a cylinder and something that is no plane")
+        if _FIELD in kinds and model.body_weldid[model.geom_bodyid[a if model.geom_type[a] == _FIELD else b]]:
+            _refuse(f"contacts of geoms {a} and {b}, a height field on a body that moves")
     used = sorted({g for a, b, _ in pairs for g in (a, b)})
     places = {g: i for i, g in enumerate(used)}
+    fields = sorted({int(model.geom_dataid[g]) for g in used if model.geom_type[g] == _FIELD})
+    for i in fields:
+        _add_field(to, model, i)
     for g in used:
         to.add_geom(body=int(model.geom_bodyid[g]), kind=int(model.geom_type[g]), size=model.geom_size[g].tolist(),
-                    position=model.geom_pos[g].tolist(), orientation=model.geom_quat[g].tolist())
+                    position=model.geom_pos[g].tolist(), orientation=model.geom_quat[g].tolist(),
+                    field=fields.index(model.geom_dataid[g]) if model.geom_type[g] == _FIELD else -1)
     for a, b, explicit in pairs:
         given = _contact_of(model, a, b, explicit)
         if model.geom_type[a] > model.geom_type[b]:
