@@ -11,7 +11,7 @@ inline constexpr Index kMostArticulatedDofs = 64;
 /// Most rows of an environment that could be active at one time.
 inline constexpr Index kMostArticulatedRows = 8192;
 
-/// Most points of a capsule on a height field, which all others have fewer of.
+/// Most points of a capsule or a box on a height field.
 inline constexpr Index kMostFieldPoints = 16;
 
 /// Share of the sum of a body's principal moments by which two differ that count as equal.

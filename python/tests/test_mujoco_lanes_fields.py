@@ -116,15 +116,29 @@ def test_contacts_of_capsules_are_mujocos_and_those_of_their_ends(margin, size):
     assert matched > COUNT / 2 and extra < matched, (matched, extra)
 
 
-def test_corners_of_boxes_are_on_the_field_that_they_are_over():
-    """Heights and slopes of the field by interpolation in each triangle."""
+def ridges(heights, base):
+    """Points of a grid that are above the middle of neighbours in some direction of the cuts, and in none below it."""
+    found = []
+    for r, c in np.ndindex(heights.shape):
+        rises = []
+        for dr, dc in ((0, 1), (1, 0), (1, 1)):
+            around = [(r - dr, c - dc), (r + dr, c + dc)]
+            is_inside = all(0 <= i < heights.shape[0] and 0 <= j < heights.shape[1] for i, j in around)
+            rises.append(heights[r, c] - (np.mean([heights[one] for one in around]) if is_inside else -base))
+        if min(rises) > -1e-9 and max(rises) > 1e-9:
+            found.append((r, c))
+    return found
+
+
+def test_boxes_touch_by_corners_over_the_field_and_by_its_ridges():
+    """Heights and slopes of the field by interpolation in each triangle; ridges are near the box's nearest face."""
     model = model_of("box", 0.01)
     data = poses(model, COUNT, 0.0, .35, seed=3)
     found = lanes(model, data).probe()
     heights, (x, y, _, base) = model.hfield_data.reshape(9, 7) * model.hfield_size[0, 2], model.hfield_size[0]
     dx, dy, margin = 2 * x / 6, 2 * y / 8, model.geom_margin.sum()
     corners = np.array([[a, b, c] for c in (-1, 1) for b in (-1, 1) for a in (-1, 1)]) * model.geom_size[1]
-    seen = 0
+    on_ridges, seen, peaks = ridges(heights, base), 0, 0
     for i, one in enumerate(data):
         R, turn = one.geom_xmat[0].reshape(3, 3), one.geom_xmat[1].reshape(3, 3)
         expected = []
@@ -141,11 +155,21 @@ def test_corners_of_boxes_are_on_the_field_that_they_are_over():
             distance, n = above / np.linalg.norm(n), n / np.linalg.norm(n)
             if distance < margin and n @ (R.T @ (turn @ corner)) <= 0:
                 expected.append([distance, *(R @ n), *(one.geom_xpos[0] + R @ (p - n * distance / 2))])
+        for r, c in on_ridges:
+            p = one.geom_xpos[0] + R @ [c * dx - x, r * dy - y, heights[r, c]]
+            q = turn.T @ (p - one.geom_xpos[1])
+            over = np.abs(q) - model.geom_size[1]
+            away = -np.sign(q) * (np.maximum(over, 0) if over.max() > 0 else -np.eye(3)[over.argmax()] * over.max())
+            distance = np.linalg.norm(away) if over.max() > 0 else over.max()
+            n = turn @ away / np.linalg.norm(away)
+            if distance < margin:
+                expected.append([distance, *n, *(p + n * distance / 2)])
+                peaks += 1
         mine = mine_of(found, i)
         assert len(mine) == len(expected), i
         assert not len(unmatched(mine, np.array(expected).reshape(-1, 7), (1e-12,) * 3)), i
         seen += len(mine)
-    assert seen > COUNT / 2
+    assert seen > COUNT / 2 and peaks > COUNT / 10
 
 
 def test_contacts_in_single_precision_are_near():
@@ -219,6 +243,21 @@ def test_what_stands_on_rough_ground_stands_as_in_mujoco():
     assert np.abs(simulation.qvel[0, :6]).max() < 1e-3
     assert np.abs(simulation.qpos[0, 7:10] - one.qpos[7:10]).max() < 5e-3
     assert np.abs(simulation.qpos[0, 14:17] - one.qpos[14:17]).max() < 5e-3
+
+
+def test_a_wide_crate_rests_on_peaks():
+    """Its corners are over valleys. MuJoCo holds it by its edges over ridges too, some millimetres higher."""
+    model = mujoco.MjModel.from_xml_string("""
+<mujoco><option timestep="0.002" cone="elliptic"/><asset><hfield name="field" nrow="24" ncol="24" size="1.5 1.5 .07 .1"/></asset>
+<worldbody><geom type="hfield" hfield="field"/><body pos="0 0 .2" euler="5 -4 20"><freejoint/>
+<geom type="box" size=".3 .25 .05" mass="5"/></body></worldbody></mujoco>""")
+    for seed in range(3):
+        model.hfield_data[:] = np.random.default_rng(seed).uniform(0, 1, model.nhfielddata)
+        simulation, one = lanes(model, 1), mujoco.MjData(model)
+        simulation.step(nstep=1000)
+        mujoco.mj_step(model, one, 1000)
+        assert np.abs(simulation.qvel).max() < 0.01
+        assert np.abs(simulation.qpos[0, :3] - one.qpos[:3]).max() < 0.01
 
 
 def test_the_quadruped_walks_over_its_rubble_as_in_mujoco():

@@ -191,6 +191,20 @@ TEST(FieldGrid, ABoxHasThePrismsOfItsCellsThatReachUpToIt) {
   }
 }
 
+TEST(FieldGrid, RidgesArePointsAboveTheirNeighbours) {
+  const Ground slope([](double x, double y) { return .3 + .5 * x - .25 * y; });
+  const Ground roof([](double x, double) { return .3 - std::fabs(x); }), valley([](double, double y) { return y * y; });
+  const Ground saddle([](double x, double y) { return .3 + y * y - x * x; });
+  for (Index row = 1; row < 4; ++row)
+    for (Index column = 1; column < 6; ++column) {
+      EXPECT_FALSE(slope.grid().is_ridge(row, column));
+      EXPECT_EQ(roof.grid().is_ridge(row, column), column == 3);
+      EXPECT_FALSE(valley.grid().is_ridge(row, column));
+      EXPECT_FALSE(saddle.grid().is_ridge(row, column));
+    }
+  EXPECT_TRUE(slope.grid().is_ridge(0, 3));  // where the field ends
+}
+
 /// A shape in a lane of its own, over ground that lies turned.
 std::vector<ContactCandidate<double>> points_of(const Ground& ground, const Shape& shape, Index room,
                                                 bool* is_full = nullptr) {
@@ -261,6 +275,18 @@ TEST(FieldPoints, ALogOnARidgeTouchesItInItsMiddle) {
     EXPECT_NEAR(point.depth, .002, kFew);
     EXPECT_NEAR(point.point.x, 0, kFew);
     EXPECT_NEAR(point.normal.z, 1, kFew);
+  }
+}
+
+TEST(FieldPoints, ACrateOnAPeakIsHeldThere) {
+  const Ground peak([](double x, double y) { return std::fabs(x) < .1 && std::fabs(y) < .05 ? .15 : 0.0; });
+  for (const double depth : {.002, -.008}) {
+    const auto crate =
+        points_of(peak, shape_of(ShapeKind::box, {.1, .08, .02}, {.02, .01, .17 - depth}), kMostFieldPoints);
+    ASSERT_EQ(crate.size(), 1U);
+    EXPECT_NEAR(length(subtract(crate[0].normal, Point{0, 0, 1})), 0, kFew);
+    EXPECT_NEAR(length(subtract(crate[0].point, Point{0, 0, .15 - depth / 2})), 0, kFew);
+    EXPECT_NEAR(crate[0].depth, depth, kFew);
   }
 }
 

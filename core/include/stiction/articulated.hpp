@@ -25,7 +25,7 @@ enum class JointKind : std::uint8_t {
 /// Shapes that touch; the values are MuJoCo's.
 enum class GeomKind : std::uint8_t {
   plane = 0,         ///< of bodies that never move alone; its normal is its z axis
-  height_field = 1,  ///< likewise; against spheres, capsules and corners of boxes
+  height_field = 1,  ///< likewise; against spheres, capsules and boxes
   sphere = 2,        ///< size[0] radius
   capsule = 3,       ///< size[0] radius, size[1] half length along its z axis
   cylinder = 5,      ///< the same; against planes alone

@@ -27,10 +27,9 @@ inline double height_of(const ArticulatedDescription& model, const ArticulatedGe
 }
 
 /// Most points that two geoms touch in, kinds in ascending order. On a height field a sphere is on the eight triangles
-/// of four cells, and a capsule on twice as many.
+/// of four cells. Capsules and boxes have twice as many.
 inline Index points_of(const ArticulatedGeom& a, const ArticulatedGeom& b) {
-  if (a.kind == GeomKind::height_field)
-    return b.kind == GeomKind::sphere ? kMostFieldPoints / 2 : b.kind == GeomKind::capsule ? kMostFieldPoints : 4;
+  if (a.kind == GeomKind::height_field) return b.kind == GeomKind::sphere ? kMostFieldPoints / 2 : kMostFieldPoints;
   if (a.kind == GeomKind::sphere || b.kind == GeomKind::sphere) return 1;
   if (b.kind == GeomKind::cylinder) return 4;
   return a.kind == GeomKind::capsule || b.kind == GeomKind::capsule ? 2 : 8;

@@ -38,6 +38,24 @@ struct FieldGrid {
     return triangle(row, column, from.y * field.cell[0] > from.x * field.cell[1] ? 0 : 1);
   }
 
+  /// Returns true for a point of the grid that is on a ridge or a peak. Along x, y or the cuts it is above the middle
+  /// of two neighbours, and along none below it. Beyond the field's end all is at its bottom.
+  [[nodiscard]] STICTION_HD bool is_ridge(Index row, Index column) const {
+    constexpr Index kStep[3][2] = {{0, 1}, {1, 0}, {1, 1}};
+    const T own = vertex(row, column).z;
+    const T same = (sizeof(T) == sizeof(double) ? T(1e-9) : T(1e-4)) * (field.cell[0] + field.cell[1]);
+    bool is_above = false;
+    for (const auto& step : kStep) {
+      const Index before[2] = {row - step[0], column - step[1]}, after[2] = {row + step[0], column + step[1]};
+      const bool is_inside = before[0] >= 0 && before[1] >= 0 && after[0] < field.rows && after[1] < field.columns;
+      const T middle =
+          is_inside ? T(0.5) * (vertex(before[0], before[1]).z + vertex(after[0], after[1]).z) : -field.base;
+      if (own < middle - same) return false;
+      is_above = is_above || own > middle + same;
+    }
+    return is_above;
+  }
+
   /// f(prism) of all whose top is above `low` in cells that a box reaches into, rows first.
   template <class F>
   STICTION_HD void for_each_prism(const Vector3<T>& low, const Vector3<T>& high, F&& f) const {

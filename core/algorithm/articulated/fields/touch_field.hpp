@@ -1,13 +1,15 @@
 #pragma once
 
+#include "core/algorithm/articulated/boxes/sphere_box.hpp"
 #include "core/algorithm/articulated/fields/grid.hpp"
 #include "core/algorithm/articulated/touch_by_lane.hpp"
+#include "core/algorithm/collision/box_axes.hpp"
 #include "core/algorithm/collision/plane_contacts.hpp"
 
 /// Points at which spheres, capsules and boxes touch a height field. MuJoCo has a point for each of the field's prisms
 /// that is nearer than the margin (MuJoCo documentation, "Collision detection"). Spheres have these. So have capsules,
 /// and their ends that are over the prism as well, as on planes. Boxes touch by corners, the first four below their
-/// centre, as on planes.
+/// centre, as on planes, and by ridges and peaks of the field.
 namespace stiction::inline STICTION_ISA {
 
 /// The points of a pair in one lane, in the axes of the field. Without room the shallowest one leaves.
@@ -80,11 +82,11 @@ STICTION_HD_OUTLINE void touch_round(const FieldGrid<T>& grid, const PlacedShape
   });
 }
 
-/// A box, in the axes of the field.
+/// Corners of a box, in the axes of the field.
 template <class T>
 STICTION_HD_OUTLINE void touch_corners(const FieldGrid<T>& grid, const PlacedShape<T>& box, T reach,
                                        FieldPoints<T>& found) {
-  for (Index k = 0; k < 8 && found.count < found.room; ++k) {
+  for (Index k = 0; k < 8 && found.count < 4; ++k) {
     const Vector3<T> corner = along(box.axes, corner_of<T>(box.size, k));
     const Vector3<T> p = added(box.centre, corner);
     if (!grid.is_over(p) || p.z < -grid.field.base) continue;
@@ -93,6 +95,29 @@ STICTION_HD_OUTLINE void touch_corners(const FieldGrid<T>& grid, const PlacedSha
     if (distance <= reach && dot(prism.normal[0], corner) <= T(0))
       found.add({add_scaled(p, -distance, prism.normal[0]), prism.normal[0], distance}, T(0));
   }
+}
+
+/// Points of the grid, on ridges and peaks, that are in a box or near it, in the axes of the field.
+template <class T>
+STICTION_HD_OUTLINE void touch_ridges(const FieldGrid<T>& grid, const PlacedShape<T>& box, T margin,
+                                      FieldPoints<T>& found) {
+  const Vector3<T> wide{half_width(box, Vector3<T>{T(1), T(0), T(0)}) + margin,
+                        half_width(box, Vector3<T>{T(0), T(1), T(0)}) + margin,
+                        half_width(box, Vector3<T>{T(0), T(0), T(1)}) + margin};
+  const Vector3<T> low = subtract(box.centre, wide), high = added(box.centre, wide);
+  const Index last_row = grid.cell_at(1, high.y) + 1, last_column = grid.cell_at(0, high.x) + 1;
+  for (Index row = grid.cell_at(1, low.y); row <= last_row; ++row)
+    for (Index column = grid.cell_at(0, low.x); column <= last_column; ++column) {
+      const Vector3<T> p = grid.vertex(row, column);
+      const Vector3<T> own = components(box.axes, subtract(p, box.centre));
+      const bool is_near = abs_(own.x) < box.size[0] + margin && abs_(own.y) < box.size[1] + margin &&
+                           abs_(own.z) < box.size[2] + margin;
+      if (!is_near || !grid.is_ridge(row, column)) continue;
+      BoxPoints<T> point;
+      touch_sphere(box, Triple<T>::of(own), T(0), point);
+      const T distance = -point.at[0].depth;
+      if (distance < margin) found.add({p, point.at[0].normal, distance}, T(0));
+    }
 }
 
 /// Points of one lane's shape, in world axes.
@@ -107,6 +132,7 @@ STICTION_HD_OUTLINE FieldPoints<T> points_on_field(const FieldGrid<T>& grid, con
                            {shape.size[0], shape.size[1], shape.size[2]}};
   if (shape.kind == ShapeKind::box) {
     touch_corners(grid, own, pair.reach, found);
+    touch_ridges(grid, own, pair.margin, found);
   } else {
     touch_round(grid, own, pair.margin, found);
   }
