@@ -10,18 +10,20 @@ struct SineCosine {
   Real sine, cosine;
 };
 
-/// Parts of pi / 2, the number whose addition rounds to an integer, and the angle up to which parts are enough.
+/// Three parts of pi / 2, the number whose addition rounds to an integer, and the angle up to which parts are enough.
 template <class T>
 struct QuarterTurn;
 template <>
 struct QuarterTurn<double> {
   static constexpr double kInverse = 0.63661977236758134308, kRounds = 6755399441055744.0, kMost = 1e9;
-  static constexpr double kParts[3] = {1.5707963267948966192, 6.123233995736766036e-17, -1.4973849048591833e-33};
+  static constexpr double kHigh = 1.5707963267948966192, kMiddle = 6.123233995736766036e-17,
+                          kLow = -1.4973849048591833e-33;
 };
 template <>
 struct QuarterTurn<float> {
   static constexpr float kInverse = 0.63661977236758134308F, kRounds = 12582912.0F, kMost = 1e5F;
-  static constexpr float kParts[3] = {1.57079637050628662109F, -4.37113900018624283e-8F, -1.71512451306180e-15F};
+  static constexpr float kHigh = 1.57079637050628662109F, kMiddle = -4.37113900018624283e-8F,
+                         kLow = -1.71512451306180e-15F;
 };
 
 /// Adds `count` terms of a polynomial, the last one first.
@@ -41,8 +43,9 @@ STICTION_HD SineCosine<Real> sine_cosine(Real angle) {
   const auto nearest = [](Real x) { return (x + Real(Turn::kRounds)) - Real(Turn::kRounds); };
   const Real near = select(abs_(angle) <= Real(Turn::kMost), angle, Real(0));
   const Real turns = nearest(near * Real(Turn::kInverse));
-  Real rest = near;
-  for (int k = 0; k < 3; ++k) rest = fma_(-turns, Real(Turn::kParts[k]), rest);
+  Real rest = fma_(-turns, Real(Turn::kHigh), near);
+  rest = fma_(-turns, Real(Turn::kMiddle), rest);
+  rest = fma_(-turns, Real(Turn::kLow), rest);
   const Real square = rest * rest;
   Real sine, cosine;
   if constexpr (sizeof(T) == sizeof(double)) {
