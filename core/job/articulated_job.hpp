@@ -202,12 +202,58 @@ struct ArticulatedModelView {
   const std::int8_t* column_side;  ///< 1: the second body moves, -1: the first
 };
 
+/// How many columns all classes of rows have.
+template <class T>
+STICTION_HD Index column_count(const ArticulatedModelView<T>& model) {
+  if (model.classes == 0) return 0;
+  const RowClass& last = model.row_class[model.classes - 1];
+  return last.columns + last.column_count;
+}
+
+/// f(elements, array of each view) of all arrays of a model.
+template <class T, class F, class... Views>
+void for_each_model_array(const ArticulatedModelView<T>& model, F&& f, Views&... views) {
+  f(model.bodies, views.body...);
+  f(model.joints, views.joint...);
+  f(model.dof_count, views.dof...);
+  f(model.actuator_count, views.actuator...);
+  f(model.geoms, views.geom...);
+  f(model.pairs, views.pair...);
+  f(model.equalities, views.equality...);
+  f(model.limits, views.limit...);
+  f(model.losses, views.loss...);
+  f(model.tendon_terms, views.tendon_term...);
+  f(model.groups, views.group...);
+  f(model.classes, views.row_class...);
+  f(column_count(model), views.column...);
+  f(column_count(model), views.column_side...);
+}
+
 /// Numbers for tests, in the batch's layout; null: none.
 struct ArticulatedProbeView {
   double *M, *bias, *passive, *actuator, *qacc_smooth, *qacc, *J, *aref, *R, *contact;
   std::int32_t *rows, *contacts, *pair;
   Index most_rows, most_contacts;
 };
+
+/// f(elements, array of each probe) of all arrays that so many environments fill.
+template <class T, class F, class... Probes>
+void for_each_probe_array(const ArticulatedModelView<T>& model, Offset envs, F&& f, Probes&... probes) {
+  const Offset dofs = envs * model.dof_count, rows = envs * model.most_rows, points = envs * model.points;
+  f(dofs * model.dof_count, probes.M...);
+  f(dofs, probes.bias...);
+  f(dofs, probes.passive...);
+  f(dofs, probes.actuator...);
+  f(dofs, probes.qacc_smooth...);
+  f(dofs, probes.qacc...);
+  f(envs, probes.rows...);
+  f(envs, probes.contacts...);
+  f(rows * model.dof_count, probes.J...);
+  f(rows, probes.aref...);
+  f(rows, probes.R...);
+  f(7 * points, probes.contact...);
+  f(points, probes.pair...);
+}
 
 /// Environments of a model, in rows of their own.
 template <class T>
@@ -225,5 +271,19 @@ struct ArticulatedJob {
   const T* const* varied;             ///< in the order of VariedArray; null, or null there: the model's
   bool is_still;                      ///< accelerations are computed, and no step is made
 };
+
+/// f(numbers of an environment, array of each job) of the arrays that steps read, and of those that they write, too.
+template <class T, class F, class... Jobs>
+void for_each_input_array(const ArticulatedModelView<T>& model, F&& f, Jobs&... jobs) {
+  f(model.actuator_count, jobs.ctrl...);
+  f(model.dof_count, jobs.qfrc_applied...);
+}
+template <class T, class F, class... Jobs>
+void for_each_state_array(const ArticulatedModelView<T>& model, F&& f, Jobs&... jobs) {
+  f(model.q_count, jobs.qpos...);
+  f(model.dof_count, jobs.qvel...);
+  f(model.dof_count, jobs.qacc...);
+  f(Index{1}, jobs.status...);
+}
 
 }  // namespace stiction

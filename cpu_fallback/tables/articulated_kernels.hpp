@@ -1,14 +1,14 @@
 #pragma once
 
 #include "core/job/articulated_job.hpp"
-#include "cpu_fallback/tables/scratch.hpp"
+#include "cpu_fallback/tables/velocity_kernels.hpp"
 
 namespace stiction::cpu {
 
 /// Memory of one worker that steps robots.
 struct ArticulatedScratch {
-  GrowBuffer tree, work, slots, columns, groups;
-  Scratch numbers;
+  GrowBuffer tree;
+  VelocityScratch pack;
 };
 
 /// Steps of robots in lanes, compiled for one instruction set.

@@ -4,21 +4,24 @@
 #include "core/algorithm/articulated/forces.hpp"
 #include "core/algorithm/articulated/observe.hpp"
 #include "core/algorithm/articulated/probe.hpp"
+#include "core/algorithm/articulated/robot_lists.hpp"
 #include "core/algorithm/articulated/robot_source.hpp"
 
 /// A step of the robots in the lanes of a vector (docs/howto/robots_in_lanes.md).
 namespace stiction::inline STICTION_ISA {
 
-/// Robots of a batch, one in each lane. Lanes without one repeat the last.
-template <class Real, class Memory>
+/// Robots of a batch, one in each lane. Lanes without one repeat the last. memory.numbers(lists, counts) makes the
+/// workspace of a solve.
+template <class Types, class Memory>
 class RobotStep {
  public:
+  using Real = typename Types::Wide;
   using T = Scalar<Real>;
-  using Types = LaneTypes<Real>;
   static constexpr int kLanes = Types::kLanes;
 
-  STICTION_HD RobotStep(const ArticulatedJob<T>& job, const RobotTree& tree, RobotWorkspace<Real>& work, Memory& memory)
-      : job_(job), robots_{job.model, tree, work}, work_(work), memory_(memory) {}
+  STICTION_HD RobotStep(const ArticulatedJob<T>& job, const RobotTree& tree, RobotWorkspace<Real>& work,
+                        const RobotLists<Types>& lists, const Memory& memory)
+      : job_(job), robots_{job.model, tree, work}, work_(work), lists_(lists), memory_(memory) {}
 
   /// Takes `count` <= kLanes environments in, with constants of their own, which no step changes.
   STICTION_HD void take(const Offset* envs, Index count) {
@@ -160,10 +163,9 @@ class RobotStep {
   STICTION_HD_OUTLINE void solve(unsigned lanes, bool observes) {
     const ArticulatedModelView<T>& model = job_.model;
     for (Index k = 0; k < model.dof_count; ++k) work_.qacc[k] = canonical_zero(work_.qacc_smooth[k]);
-    auto* const slots = memory_.template slots<SlotOf<Types>>(model.most_rows);
-    Index* const groups_of = memory_.groups(model.classes);
-    const SlotCounts counts =
-        list_slots<Types>(robots_, slots, memory_.template columns<SmallOf<Types>>(model), groups_of);
+    auto* const slots = lists_.slots;
+    Index* const groups_of = lists_.groups_of;
+    const SlotCounts counts = list_slots<Types>(robots_, slots, lists_.columns, groups_of);
     if (job_.touched != nullptr) note_touches();
     const ContactForces<Types> forces{robots_, slots, groups_of};
     if (counts.slots == 0 || lanes == 0) {
@@ -173,15 +175,13 @@ class RobotStep {
     }
     const Index kept_rows = observes ? counts.rows : 0;
     for (Index row = 0; row < kept_rows; ++row) work_.reaction[row] = Real(0);
-    couple_robot(model, coupled_);
+    couple_robot(model, lists_.coupled);
     SerialTeam alone;
-    build_tree(alone, tree_, model.dof_count, coupled_, slots, counts.slots);
-    using Numbers = VelocityWorkspace<Types>;
-    double* const numbers = memory_.numbers(Numbers::doubles(counts, tree_.dofs, tree_.entries));
-    const Numbers workspace(numbers, counts, tree_.dofs, tree_.entries);
+    build_tree(alone, *lists_.tree, model.dof_count, lists_.coupled, slots, counts.slots);
+    const VelocityWorkspace<Types> workspace = memory_.numbers(lists_, counts);
     const RobotSource<Types> source{robots_, groups_of, job_.tolerance, job_.max_iterations,
                                     lanes,   kept_rows, records_};
-    VelocityNewton<Types, RobotSource<Types>>(source, tree_, slots, counts, workspace).run();
+    VelocityNewton<Types, RobotSource<Types>>(source, *lists_.tree, slots, counts, workspace).run();
     if (observes) forces.add_all(true);
     probe(&workspace, slots, groups_of);
   }
@@ -254,14 +254,35 @@ class RobotStep {
   const ArticulatedJob<T>& job_;
   Robots<Real> robots_;
   RobotWorkspace<Real>& work_;
-  Memory& memory_;
-  DofTree<DofSet> tree_;
+  const RobotLists<Types>& lists_;
+  const Memory& memory_;
   RobotRecord records_[kLanes];
-  DofSet coupled_[kMostArticulatedDofs];
   Offset envs_[kLanes];
   Index count_ = 0;                            ///< of environments
   unsigned lanes_ = 0;                         ///< with a robot to step
   std::uint32_t constant_flags_[kLanes] = {};  ///< of constants out of range
 };
+
+/// Bytes that step_robots() asks its memory for.
+template <class Types, class T>
+STICTION_HD Offset bytes_of_robots(const ArticulatedJob<T>& job, const RobotTree& tree) {
+  RobotLists<Types> lists;
+  RobotWorkspace<typename Types::Wide> work;
+  return lists.place(job.model, nullptr) + work.place(job, tree.entries, nullptr);
+}
+
+/// Makes `steps` steps of `count` <= kLanes environments, the last one observed. memory.lists(bytes) is for all but
+/// the workspace of a solve, which memory.numbers(lists, counts) makes. `tree`: of the job's model.
+template <class Types, class T, class Memory>
+STICTION_HD void step_robots(const ArticulatedJob<T>& job, const RobotTree& tree, const Offset* envs, Index count,
+                             Index steps, const Memory& memory) {
+  auto* const bytes = static_cast<char*>(memory.lists(bytes_of_robots<Types>(job, tree)));
+  RobotLists<Types> lists;
+  RobotWorkspace<typename Types::Wide> work;
+  work.place(job, tree.entries, bytes + lists.place(job.model, bytes));
+  RobotStep<Types, Memory> step(job, tree, work, lists, memory);
+  step.take(envs, count);
+  for (Index k = 0; k < steps; ++k) step.run(k + 1 == steps);
+}
 
 }  // namespace stiction::inline STICTION_ISA

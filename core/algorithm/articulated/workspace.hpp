@@ -27,6 +27,18 @@ STICTION_HD void build_robot_tree(const ArticulatedModelView<T>& model, RobotTre
   build_tree<SerialTeam, 1, DofSet>(alone, tree, model.dof_count, coupled, nullptr, 0);
 }
 
+/// Takes arrays from memory, one behind the other at multiples of 64 bytes, or measures them where there is none.
+struct ArrayTaker {
+  char* memory;
+  Offset used = 0;
+
+  template <class Element>
+  STICTION_HD void operator()(Element*& array, Index count) {
+    if (memory != nullptr) array = reinterpret_cast<Element*>(memory + used);
+    used += (static_cast<Offset>(count) * static_cast<Offset>(sizeof(Element)) + 63) / 64 * 64;
+  }
+};
+
 template <class Real>
 struct RobotWorkspace {
   using T = Scalar<Real>;
@@ -71,11 +83,7 @@ struct RobotWorkspace {
   /// Lays the arrays that a job needs out in memory, or measures them. Returns bytes.
   STICTION_HD Offset place(const ArticulatedJob<T>& job, Index entries, char* memory) {
     const ArticulatedModelView<T>& model = job.model;
-    Offset used = 0;
-    const auto take = [&]<class Element>(Element*& array, Index count) {
-      if (memory != nullptr) array = reinterpret_cast<Element*>(memory + used);
-      used += (static_cast<Offset>(count) * static_cast<Offset>(sizeof(Element)) + 63) / 64 * 64;
-    };
+    ArrayTaker take{memory};
     const Index bodies = model.bodies, joints = model.joints, dofs = model.dof_count, points = model.points;
     for (Real** array : {&qpos, &first_qpos}) take(*array, model.q_count);
     take(ctrl, model.actuator_count);
@@ -105,11 +113,11 @@ struct RobotWorkspace {
       if (job.varied[k] != nullptr) take(varied[k], model.varied_width[k]);
     if (job.varied != nullptr && job.varied[static_cast<std::size_t>(VariedArray::body_mass)] != nullptr)
       take(subtree_mass, bodies);
-    if (job.observed == nullptr) return used;
+    if (job.observed == nullptr) return take.used;
     take(reaction, model.most_rows);
     take(contact_force, bodies);
     for (std::size_t k = 0; k < kObservedArrays; ++k) take(observed[k], model.observed_width[k]);
-    return used;
+    return take.used;
   }
 };
 
