@@ -33,6 +33,14 @@ void check_options(const ArticulatedOptions& options) {
       refuse("varies holds " + std::to_string(static_cast<unsigned>(one)) + ": must be values of VariedArray");
 }
 
+template <class Real>
+std::unique_ptr<ArticulatedMachine<Real>> make_machine(Device device, const ArticulatedJob<Real>& job, Offset env_count,
+                                                       int threads) {
+  if (device.kind == DeviceKind::cuda) return make_cuda_articulated_machine(device.ordinal, job, env_count);
+  if (device.kind == DeviceKind::emulated) return make_emulated_articulated_machine(job, env_count);
+  return make_cpu_articulated_machine<Real>(threads);
+}
+
 VariedSet set_of(const std::vector<VariedArray>& arrays) {
   VariedSet set = 0;
   for (const VariedArray one : arrays) set |= bit_of(one);
@@ -43,12 +51,11 @@ VariedSet set_of(const std::vector<VariedArray>& arrays) {
 
 template <class Real>
 struct ArticulatedBatch<Real>::Parts {
-  Parts(const ArticulatedDescription& description, Offset envs, const ArticulatedOptions& how)
+  Parts(Device device, const ArticulatedDescription& description, Offset envs, const ArticulatedOptions& how)
       : options(how),
         env_count(envs),
         model(description, set_of(how.varies)),
         view(model.view()),
-        machine(make_cpu_articulated_machine<Real>(how.threads)),
         status(at(envs)),
         touched(at(envs)) {
     for (Offset env = 0; env < envs; ++env) qpos.insert(qpos.end(), model.qpos0().begin(), model.qpos0().end());
@@ -59,6 +66,7 @@ struct ArticulatedBatch<Real>::Parts {
       observed_data[k] = observed[k].data();
     }
     for (const VariedArray one : how.varies) vary(one, description);
+    machine = make_machine(device, job(), envs, how.threads);
   }
 
   /// Gives each environment an array of its own.
@@ -111,12 +119,16 @@ struct ArticulatedBatch<Real>::Parts {
 
 template <class Real>
 ArticulatedBatch<Real>::ArticulatedBatch(const ArticulatedDescription& description, Offset env_count,
+                                         const ArticulatedOptions& options)
+    : ArticulatedBatch(Device::cpu(), description, env_count, options) {}
+template <class Real>
+ArticulatedBatch<Real>::ArticulatedBatch(Device device, const ArticulatedDescription& description, Offset env_count,
                                          const ArticulatedOptions& options) {
   const ScopedFpEnv fp_env;
   check_options<Real>(options);
   check_articulated(description);
   if (env_count < 0) refuse("env_count = " + std::to_string(env_count) + ": must be >= 0");
-  parts_ = std::make_unique<Parts>(description, env_count, options);
+  parts_ = std::make_unique<Parts>(device, description, env_count, options);
 }
 template <class Real>
 ArticulatedBatch<Real>::~ArticulatedBatch() = default;
@@ -144,23 +156,18 @@ template <class Real>
 ArticulatedProbe ArticulatedBatch<Real>::probe() {
   const ScopedFpEnv fp_env;
   const ArticulatedModelView<Real>& model = parts_->view;
-  const Offset envs = parts_->env_count, dofs = model.dof_count;
   ArticulatedProbe found;
   found.most_rows = model.most_rows;
   found.most_contacts = model.points;
-  found.M.resize(at(envs * dofs * dofs));
-  for (auto* array : {&found.bias, &found.passive, &found.actuator, &found.qacc_smooth, &found.qacc})
-    array->resize(at(envs * dofs));
-  for (auto* array : {&found.rows, &found.contacts}) array->resize(at(envs));
-  found.J.resize(at(envs * model.most_rows * dofs));
-  for (auto* array : {&found.aref, &found.R}) array->resize(at(envs * model.most_rows));
-  found.contact.resize(at(envs * model.points * 7));
-  found.pair.resize(at(envs * model.points));
-  const ArticulatedProbeView view{
-      found.M.data(),    found.bias.data(),     found.passive.data(), found.actuator.data(), found.qacc_smooth.data(),
-      found.qacc.data(), found.J.data(),        found.aref.data(),    found.R.data(),        found.contact.data(),
-      found.rows.data(), found.contacts.data(), found.pair.data(),    found.most_rows,       found.most_contacts};
-  std::vector<EnvStatus> unused(at(envs));
+  ArticulatedProbeView view{};
+  view.most_rows = found.most_rows;
+  view.most_contacts = found.most_contacts;
+  const auto make = [](Offset elements, auto& array, auto*& data) {
+    array.resize(at(elements));
+    data = array.data();
+  };
+  for_each_probe_array(model, parts_->env_count, make, found, view);
+  std::vector<EnvStatus> unused(at(parts_->env_count));
   ArticulatedJob<Real> job = parts_->job();
   job.status = unused.data();
   job.touched = nullptr;

@@ -1,3 +1,4 @@
+#include "core/machine/articulated_machine.hpp"
 #include "core/machine/body_machine.hpp"
 #include "core/machine/contact_machine.hpp"
 #include "core/machine/derivative_machine.hpp"
@@ -51,6 +52,15 @@ template std::unique_ptr<WorldMachine<float>> make_cuda_world_machine(int, const
                                                                       const WorldOptions&);
 template std::unique_ptr<WorldMachine<double>> make_cuda_world_machine(int, const WorldModelView<double>&, Offset,
                                                                        const WorldOptions&);
+
+template <class Real>
+std::unique_ptr<ArticulatedMachine<Real>> make_cuda_articulated_machine(int, const ArticulatedJob<Real>&, Offset) {
+  throw Error(ErrorCode::unsupported, kNotBuilt);
+}
+template std::unique_ptr<ArticulatedMachine<float>> make_cuda_articulated_machine(int, const ArticulatedJob<float>&,
+                                                                                  Offset);
+template std::unique_ptr<ArticulatedMachine<double>> make_cuda_articulated_machine(int, const ArticulatedJob<double>&,
+                                                                                   Offset);
 
 std::vector<DeviceReport> cuda_reports() {
   return {{Device::cuda(0), false, "cuda", kNotBuilt}};

@@ -1,3 +1,4 @@
+#include "core/machine/articulated_machine.hpp"
 #include "core/machine/body_machine.hpp"
 #include "core/machine/contact_machine.hpp"
 #include "core/machine/derivative_machine.hpp"
@@ -51,6 +52,15 @@ template std::unique_ptr<WorldMachine<float>> make_emulated_world_machine(const 
                                                                           const WorldOptions&);
 template std::unique_ptr<WorldMachine<double>> make_emulated_world_machine(const WorldModelView<double>&, Offset,
                                                                            const WorldOptions&);
+
+template <class Real>
+std::unique_ptr<ArticulatedMachine<Real>> make_emulated_articulated_machine(const ArticulatedJob<Real>&, Offset) {
+  throw Error(ErrorCode::unsupported, kNotBuilt);
+}
+template std::unique_ptr<ArticulatedMachine<float>> make_emulated_articulated_machine(const ArticulatedJob<float>&,
+                                                                                      Offset);
+template std::unique_ptr<ArticulatedMachine<double>> make_emulated_articulated_machine(const ArticulatedJob<double>&,
+                                                                                       Offset);
 
 DeviceReport emulated_report() {
   return {Device::emulated(), false, "emulated", kNotBuilt};

@@ -12,6 +12,7 @@
 namespace stiction::cuda {
 
 struct KernelCatalogue;
+struct RobotKernels;
 
 /// cudaStream_t and cudaEvent_t, without their header.
 using StreamHandle = void*;
@@ -48,6 +49,7 @@ class DeviceApi {
   [[nodiscard]] virtual const DeviceFacts& facts() const = 0;
   /// The kernels, compiled for this device.
   [[nodiscard]] virtual const KernelCatalogue& kernels() const = 0;
+  [[nodiscard]] virtual const RobotKernels& robot_kernels() const = 0;
 
   virtual void* allocate(std::size_t bytes) = 0;
   virtual void release(void* memory) noexcept = 0;

@@ -23,7 +23,8 @@ class Mover {
   template <class T>
   void move(T* target, const T* source, Offset count, CopyKind kind) {
     if (count > 0 && target != nullptr && source != nullptr)
-      api_.copy(target, source, static_cast<std::size_t>(count) * sizeof(T), kind, stream_);
+      api_.copy(static_cast<void*>(target), static_cast<const void*>(source),
+                static_cast<std::size_t>(count) * sizeof(T), kind, stream_);
   }
   DeviceApi& api_;
   StreamHandle stream_;

@@ -13,6 +13,7 @@
 #include "cuda/api/memory.hpp"
 #include "cuda/emulated/emulated_kernels.hpp"
 #include "cuda/emulated/emulated_launch.hpp"
+#include "cuda/emulated/emulated_robots.hpp"
 #include "cuda/emulated/guarded_memory.hpp"
 #include "stiction/error.hpp"
 
@@ -30,19 +31,17 @@ const char* other_kernels() {
 }
 
 /// The kernels of this build, or those of the library that STICTION_EMULATED_KERNELS names: the GPU's own code,
-/// executed by the CPU (tests/ptx).
-const KernelCatalogue& chosen_kernels() {
-  static const KernelCatalogue& chosen = []() -> const KernelCatalogue& {
-    const char* const path = other_kernels();
-    if (path == nullptr) return emulated_kernels();
-    void* const library = dlopen(path, RTLD_NOW);
-    if (library == nullptr) fail(std::string("STICTION_EMULATED_KERNELS: ") + dlerror());
-    using Make = const KernelCatalogue* (*)();
-    const auto make = reinterpret_cast<Make>(dlsym(library, "stiction_emulated_kernels"));
-    if (make == nullptr) fail(std::string("STICTION_EMULATED_KERNELS: ") + dlerror());
-    return *make();
-  }();
-  return chosen;
+/// executed by the CPU (tests/ptx). `name`: of the library's function that returns them.
+template <class Kernels>
+const Kernels& choose_kernels(const Kernels& (*of_this_build)(), const char* name) {
+  const char* const path = other_kernels();
+  if (path == nullptr) return of_this_build();
+  void* const library = dlopen(path, RTLD_NOW);
+  if (library == nullptr) fail(std::string("STICTION_EMULATED_KERNELS: ") + dlerror());
+  using Make = const Kernels* (*)();
+  const auto make = reinterpret_cast<Make>(dlsym(library, name));
+  if (make == nullptr) fail(std::string("STICTION_EMULATED_KERNELS: ") + dlerror());
+  return *make();
 }
 
 }  // namespace
@@ -66,7 +65,12 @@ EmulatedDevice::~EmulatedDevice() {
 }
 
 const KernelCatalogue& EmulatedDevice::kernels() const {
-  return chosen_kernels();
+  static const KernelCatalogue& chosen = choose_kernels(emulated_kernels, "stiction_emulated_kernels");
+  return chosen;
+}
+const RobotKernels& EmulatedDevice::robot_kernels() const {
+  static const RobotKernels& chosen = choose_kernels(emulated_robot_kernels, "stiction_emulated_robot_kernels");
+  return chosen;
 }
 
 void EmulatedDevice::count(DeviceCall call, const char* what) {

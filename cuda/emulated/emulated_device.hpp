@@ -42,6 +42,7 @@ class EmulatedDevice final : public DeviceApi {
 
   [[nodiscard]] const DeviceFacts& facts() const override { return facts_; }
   [[nodiscard]] const KernelCatalogue& kernels() const override;
+  [[nodiscard]] const RobotKernels& robot_kernels() const override;
   void* allocate(std::size_t bytes) override;
   void release(void* memory) noexcept override;
   void* allocate_pinned(std::size_t bytes) override { return allocate(bytes); }

@@ -1,8 +1,10 @@
 #include "cuda/emulated/emulated_device.hpp"
+#include "cuda/machine/articulated_machine.hpp"
 #include "cuda/machine/body_machine.hpp"
 #include "cuda/machine/contact_machine.hpp"
 #include "cuda/machine/derivative_machine.hpp"
 #include "cuda/machine/jacobian_machine.hpp"
+#include "cuda/machine/memory_limits.hpp"
 #include "cuda/machine/warm_start_machine.hpp"
 #include "cuda/machine/world_machine.hpp"
 
@@ -32,6 +34,19 @@ template std::unique_ptr<WorldMachine<float>> make_emulated_world_machine(const 
                                                                           const WorldOptions&);
 template std::unique_ptr<WorldMachine<double>> make_emulated_world_machine(const WorldModelView<double>&, Offset,
                                                                            const WorldOptions&);
+
+template <class Real>
+std::unique_ptr<ArticulatedMachine<Real>> make_emulated_articulated_machine(const ArticulatedJob<Real>& job,
+                                                                            Offset env_count) {
+  std::shared_ptr<cuda::DeviceApi> api = cuda::shared_emulated_device();
+  const Offset most_bytes = cuda::most_scratch_bytes(api->facts());
+  return cuda::make_device_articulated_machine(std::move(api), job, env_count, most_bytes);
+}
+
+template std::unique_ptr<ArticulatedMachine<float>> make_emulated_articulated_machine(const ArticulatedJob<float>&,
+                                                                                      Offset);
+template std::unique_ptr<ArticulatedMachine<double>> make_emulated_articulated_machine(const ArticulatedJob<double>&,
+                                                                                       Offset);
 
 template <class Real>
 std::unique_ptr<WarmStartMachine<Real>> make_emulated_warm_start_machine(const WarmStartCapacity& capacity) {

@@ -11,6 +11,7 @@
 #include "cuda/native/cuda_condition.hpp"
 #include "cuda/native/cuda_device.hpp"
 #include "cuda/native/cuda_kernels.hpp"
+#include "cuda/native/cuda_robots.hpp"
 #include "cuda/native/launch_grid.hpp"
 #include "stiction/error.hpp"
 
@@ -110,6 +111,9 @@ CudaApi::~CudaApi() {
 
 const KernelCatalogue& CudaApi::kernels() const {
   return cuda_kernels();
+}
+const RobotKernels& CudaApi::robot_kernels() const {
+  return cuda_robot_kernels();
 }
 
 void* CudaApi::allocate(std::size_t bytes) {

@@ -1,7 +1,9 @@
+#include "cuda/machine/articulated_machine.hpp"
 #include "cuda/machine/body_machine.hpp"
 #include "cuda/machine/contact_machine.hpp"
 #include "cuda/machine/derivative_machine.hpp"
 #include "cuda/machine/jacobian_machine.hpp"
+#include "cuda/machine/memory_limits.hpp"
 #include "cuda/machine/warm_start_machine.hpp"
 #include "cuda/machine/world_machine.hpp"
 #include "cuda/native/cuda_api.hpp"
@@ -44,6 +46,19 @@ template std::unique_ptr<WorldMachine<float>> make_cuda_world_machine(int, const
                                                                       const WorldOptions&);
 template std::unique_ptr<WorldMachine<double>> make_cuda_world_machine(int, const WorldModelView<double>&, Offset,
                                                                        const WorldOptions&);
+
+template <class Real>
+std::unique_ptr<ArticulatedMachine<Real>> make_cuda_articulated_machine(int ordinal, const ArticulatedJob<Real>& job,
+                                                                        Offset env_count) {
+  std::shared_ptr<cuda::DeviceApi> api = open_device(ordinal, "step robots on the cpu");
+  const Offset most_bytes = cuda::most_scratch_bytes(api->facts());
+  return cuda::make_device_articulated_machine(std::move(api), job, env_count, most_bytes);
+}
+
+template std::unique_ptr<ArticulatedMachine<float>> make_cuda_articulated_machine(int, const ArticulatedJob<float>&,
+                                                                                  Offset);
+template std::unique_ptr<ArticulatedMachine<double>> make_cuda_articulated_machine(int, const ArticulatedJob<double>&,
+                                                                                   Offset);
 
 template <class Real>
 std::unique_ptr<WarmStartMachine<Real>> make_cuda_warm_start_machine(int ordinal, const WarmStartCapacity& capacity) {

@@ -208,13 +208,17 @@ struct ArticulatedProbe {
 /// Robots of one model, each in a lane of a vector, with everything that a step needs. That is kinematics, inertia,
 /// forces, contacts, their solve, and the integrator (R. Featherstone, Rigid Body Dynamics Algorithms, 2008; MuJoCo
 /// documentation, "Computation"). An environment's bits depend on description, options, its own state and constants
-/// alone. Up to 64 degrees of freedom. On the CPU.
+/// alone, on whichever device. Up to 64 degrees of freedom.
 template <class Real>
 class ArticulatedBatch {
  public:
   /// `env_count` environments at rest, with coordinates of the description. \throws Error(invalid_argument) for a
   /// description or an option out of range, Error(unsupported) for a model beyond what is stepped here.
   ArticulatedBatch(const ArticulatedDescription& description, Offset env_count, const ArticulatedOptions& options = {});
+  /// Environments that a device steps, from the arrays below and back into them at each call. No GPU has run it yet.
+  /// \throws Error as above, Error(no_device) with the reason, Error(unsupported) in a build without that device.
+  ArticulatedBatch(Device device, const ArticulatedDescription& description, Offset env_count,
+                   const ArticulatedOptions& options = {});
   ~ArticulatedBatch();
   ArticulatedBatch(ArticulatedBatch&&) noexcept;
   ArticulatedBatch& operator=(ArticulatedBatch&&) noexcept;

@@ -9,6 +9,7 @@
 #include <set>
 #include <string>
 #include <tuple>
+#include <vector>
 
 #include "cuda/emulated/emulated_device.hpp"
 #include "cuda/native/launch_grid.hpp"
@@ -33,7 +34,11 @@ class CountingDevice final : public cuda::DeviceApi {
   }
   [[nodiscard]] const cuda::DeviceFacts& facts() const override { return facts_; }
   [[nodiscard]] const cuda::KernelCatalogue& kernels() const override { return emulated_.kernels(); }
-  void* allocate(std::size_t) override { return this; }
+  [[nodiscard]] const cuda::RobotKernels& robot_kernels() const override { return emulated_.robot_kernels(); }
+  void* allocate(std::size_t bytes) override {
+    allocated += bytes;
+    return this;
+  }
   void release(void*) noexcept override {}
   void* allocate_pinned(std::size_t) override { return this; }
   void release_pinned(void*) noexcept override {}
@@ -47,8 +52,11 @@ class CountingDevice final : public cuda::DeviceApi {
     ASSERT_NE(kernel.entry, nullptr) << kernel.name;
     prepared.insert(what_counts(kernel, shape));
   }
-  void launch(const cuda::KernelRef& kernel, const cuda::LaunchShape& shape, const void*, cuda::StreamHandle) override {
+  void launch(const cuda::KernelRef& kernel, const cuda::LaunchShape& shape, const void* given,
+              cuda::StreamHandle) override {
     ++launches;
+    const auto* const bytes = static_cast<const std::byte*>(given);
+    arguments.assign(bytes, bytes + kernel.argument_bytes);
     shapes.emplace(kernel.name, shape);  // the first of its name
     EXPECT_EQ(prepared.count(what_counts(kernel, shape)), 1U) << kernel.name << " could not be captured";
     std::size_t& most = shared[kernel.entry];
@@ -82,6 +90,8 @@ class CountingDevice final : public cuda::DeviceApi {
   int conditional_launches = 0;  ///< that are
   int conditions = 0;
   int fills = 0;
+  std::size_t allocated = 0;         ///< memory of the device, freed or not [byte]
+  std::vector<std::byte> arguments;  ///< of the last launch
   std::set<std::tuple<const void*, int, std::size_t, bool>> prepared;
   std::map<std::string, cuda::LaunchShape> shapes;  ///< of the first launch of each kernel, by name
   std::map<const void*, std::size_t> shared;        ///< most fast memory that teams of a kernel asked for [byte]

@@ -1,0 +1,13 @@
+#include "cuda/emulated/emulated_robots.hpp"
+
+#include "cuda/emulated/emulated_make.hpp"
+#include "cuda/kernels/robots_program.hpp"
+
+namespace stiction::cuda {
+
+const RobotKernels& emulated_robot_kernels() {
+  static const RobotKernels kernels = robot_kernels<MakeEmulatedKernel>();
+  return kernels;
+}
+
+}  // namespace stiction::cuda
