@@ -35,11 +35,9 @@ inline const std::map<std::string, std::uint64_t>& goldens() {
   return table;
 }
 
-/// First parts of the names. Derivatives are not asked of a GPU: they read the arrays where they are. Robots are
-/// stepped by the CPU alone.
+/// First parts of the names. Derivatives are not asked of a GPU: they read the arrays where they are.
 inline constexpr const char* kGoldenDerivatives = "derivative";
-inline constexpr const char* kGoldenRobots = "robots";
-inline constexpr const char* kGoldenForms[] = {"matrix", "pyramid", "jacobian", "factor", "bodies", "worlds"};
+inline constexpr const char* kGoldenForms[] = {"matrix", "pyramid", "jacobian", "factor", "bodies", "worlds", "robots"};
 
 /// Every row, to be computed; the order is that of hashes.inc.
 inline const GoldenCases& golden_cases() {

@@ -19,10 +19,10 @@ inline ArticulatedDescription walker_and_crate(bool is_elliptic) {
 }
 
 template <class Real>
-std::uint64_t robots_digest(const ArticulatedDescription& model, bool varies) {
+std::uint64_t robots_digest(const ArticulatedDescription& model, bool varies, Device device) {
   ArticulatedOptions options{1e-5, 100, 2, varies, {}};
   if (varies) options.varies = {VariedArray::body_mass, VariedArray::pair_friction, VariedArray::actuator_gain};
-  ArticulatedBatch<Real> robots(model, kEnvs, options);
+  ArticulatedBatch<Real> robots(device, model, kEnvs, options);
   put_states(robots, all_envs());
   for (const VariedArray array : options.varies) {
     const std::span<Real> numbers = robots.varied(array);
@@ -39,8 +39,9 @@ inline void add_robot_goldens(GoldenCases& cases) {
   for (const bool is_elliptic : {false, true}) {
     const std::string cones = is_elliptic ? " elliptic" : " pyramids";
     const auto add = [&](const char* integrator, const ArticulatedDescription& model, bool varies) {
-      add_precisions(cases, "robots/walker/" + (integrator + cones),
-                     [model, varies](auto real, Device) { return robots_digest<decltype(real)>(model, varies); });
+      add_precisions(cases, "robots/walker/" + (integrator + cones), [model, varies](auto real, Device device) {
+        return robots_digest<decltype(real)>(model, varies, device);
+      });
     };
     add("euler", walker(is_elliptic), false);
     add("rk4", walker(is_elliptic, true), false);
