@@ -48,9 +48,9 @@ std::vector<VariedArray> varied_of(const std::vector<std::string>& names) {
 class SharedRobots {
  public:
   SharedRobots(const ArticulatedDescription& description, Offset env_count, double tolerance, Index max_iterations,
-               int threads, bool observes, const std::vector<std::string>& varies, bool wide)
-      : robots_(made(description, env_count, {tolerance, max_iterations, threads, observes, varied_of(varies)}, wide)) {
-  }
+               int threads, bool observes, const std::vector<std::string>& varies, bool wide, const std::string& device)
+      : robots_(made(Device::from_string(device), description, env_count,
+                     {tolerance, max_iterations, threads, observes, varied_of(varies)}, wide)) {}
 
   void step(std::int64_t count, const Array* active) {
     const std::span<const std::uint8_t> mask = mask_of(active);
@@ -168,10 +168,10 @@ class SharedRobots {
     return {active->read<std::uint8_t>("active"), static_cast<std::size_t>(active->size())};
   }
   using Either = std::variant<ArticulatedBatch<float>, ArticulatedBatch<double>>;
-  static Either made(const ArticulatedDescription& description, Offset env_count, const ArticulatedOptions& options,
-                     bool wide) {
-    if (wide) return ArticulatedBatch<double>(description, env_count, options);
-    return ArticulatedBatch<float>(description, env_count, options);
+  static Either made(Device device, const ArticulatedDescription& description, Offset env_count,
+                     const ArticulatedOptions& options, bool wide) {
+    if (wide) return ArticulatedBatch<double>(device, description, env_count, options);
+    return ArticulatedBatch<float>(device, description, env_count, options);
   }
 
   std::mutex mutex_;
@@ -304,9 +304,9 @@ void bind_articulated(nb::module_& module) {
   bind_description(module);
   nb::class_<SharedRobots>(module, "ArticulatedBatch")
       .def(nb::init<const ArticulatedDescription&, Offset, double, Index, int, bool, const std::vector<std::string>&,
-                    bool>(),
+                    bool, const std::string&>(),
            nb::arg("description"), nb::arg("env_count"), nb::arg("tolerance"), nb::arg("max_iterations"),
-           nb::arg("threads"), nb::arg("observes"), nb::arg("varies"), nb::arg("wide"))
+           nb::arg("threads"), nb::arg("observes"), nb::arg("varies"), nb::arg("wide"), nb::arg("device"))
       .def("step", &SharedRobots::step, nb::arg("count") = 1, nb::arg("active").none() = nb::none())
       .def("forward", &SharedRobots::forward, nb::arg("active").none() = nb::none())
       .def("observed", &observed_of)

@@ -48,6 +48,15 @@ def test_threads_change_no_bit(case, threads):
     assert (simulation.status == expected.status).all()
 
 
+def test_a_device_changes_no_bit(case):
+    model, data, dtype, expected = case
+    simulation = lanes(model, data[:5], dtype=dtype, device="emulated")
+    simulation.step(nstep=4)
+    simulation = pickle.loads(pickle.dumps(simulation))
+    simulation.step(nstep=2)
+    assert bits(simulation) == bits(expected, range(5))
+
+
 def test_order_and_mates_change_no_bit(case):
     model, data, dtype, expected = case
     order = np.random.default_rng(5).permutation(COUNT)

@@ -27,6 +27,7 @@ def _parser():
     step.add_argument("--steps", type=int, default=1000)
     step.add_argument("--dtype", choices=["float64", "float32"], default="float64")
     step.add_argument("--threads", type=int, default=0, help="0: all cores")
+    step.add_argument("--device", default="cpu", help="cpu, cuda or cuda:1")
     step.add_argument("--tolerance", type=float, help="default: 1e-6, and 1e-4 in float32")
     step.add_argument("--seed", type=int, default=0, help="of velocities and controls")
     return parser
@@ -72,7 +73,7 @@ def main(arguments=None) -> int:
             raise ValueError(f"--seed: expected at least 0, got {options.seed}")
         model = _model(options.model)
         simulation = BatchedSimulation(model, options.envs, engine="lanes", dtype=options.dtype, threads=options.threads,
-                                       tolerance=options.tolerance)
+                                       tolerance=options.tolerance, device=options.device)
     except (MemoryError, OSError, ValueError, RuntimeError) as error:
         print(f"stiction.mujoco: {options.model}: {' '.join(str(error).split())}", file=sys.stderr)
         return 2

@@ -58,6 +58,7 @@ class LanesSimulation:
     threads: of the CPU; 0: all cores. dtype: "float64" or "float32", which has a tolerance of at least 1e-5.
     observes_bodies: keep `observed`, places, inertias, velocities and contact forces of bodies.
     varies: names of constants of which each simulation has its own, in `varied`.
+    device: "cpu", or "cuda", "cuda:1": a GPU, which copies the arrays there and back at each call. None has run it yet.
 
     Attributes: model; time (n,); observed and varied, dicts of arrays. Arrays over the simulations' own memory may be
     written between steps: qpos (n, nq), ctrl (n, nu), and qvel, qfrc_applied and qacc (n, nv).
@@ -66,7 +67,7 @@ class LanesSimulation:
     """
 
     def __init__(self, model, n, *, engine="lanes", tolerance=None, max_iterations=100, threads=0, dtype="float64",
-                 observes_bodies=False, varies=()):
+                 observes_bodies=False, varies=(), device="cpu"):
         del engine
         if str(dtype) not in _PRECISIONS:
             raise ValueError(f'dtype: expected "float64" or "float32", got {dtype!r}')
@@ -74,7 +75,7 @@ class LanesSimulation:
         varies = checked_names(model, varies)
         tolerance = (1e-6 if wide else 1e-4) if tolerance is None else float(tolerance)
         self._made_by = dict(tolerance=tolerance, max_iterations=max_iterations, threads=threads, dtype=str(dtype),
-                             observes_bodies=bool(observes_bodies), varies=varies)
+                             observes_bodies=bool(observes_bodies), varies=varies, device=str(device))
         given = list(n) if not isinstance(n, (int, np.integer)) else []
         count = len(given) if given else whole("n", n)
         if count < 1:
@@ -83,7 +84,7 @@ class LanesSimulation:
         what, self._pairs = description(model)
         self._core = _core.ArticulatedBatch(what, count, tolerance, whole("max_iterations", max_iterations),
                                             whole("threads", threads), bool(observes_bodies),
-                                            [NAMES[name] for name in varies], wide)
+                                            [NAMES[name] for name in varies], wide, str(device))
         self._varied = VariedConstants(model, varies, self._pairs, self._core, count)
         self._own_model = None
         for name in _STATE:
