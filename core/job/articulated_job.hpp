@@ -170,7 +170,7 @@ struct RowClass {
 template <class T>
 struct ArticulatedModelView {
   Index q_count, dof_count, actuator_count;
-  Index bodies, joints, geoms, pairs, points, equalities, limits, losses, groups, classes;
+  Index bodies, joints, geoms, fields, heights, pairs, points, equalities, limits, losses, groups, classes;
   Index most_rows;
   T step;
   T gravity[3];
@@ -218,6 +218,8 @@ void for_each_model_array(const ArticulatedModelView<T>& model, F&& f, Views&...
   f(model.dof_count, views.dof...);
   f(model.actuator_count, views.actuator...);
   f(model.geoms, views.geom...);
+  f(model.fields, views.field...);
+  f(model.heights, views.height...);
   f(model.pairs, views.pair...);
   f(model.equalities, views.equality...);
   f(model.limits, views.limit...);

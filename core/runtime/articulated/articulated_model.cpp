@@ -376,8 +376,8 @@ ArticulatedModelView<T> ArticulatedModel<T>::view() const {
   put_array(view.dof_count, view.dof, dofs_);
   put_array(view.actuator_count, view.actuator, actuators_);
   put_array(view.geoms, view.geom, geoms_);
-  view.field = fields_.data();
-  view.height = heights_.data();
+  put_array(view.fields, view.field, fields_);
+  put_array(view.heights, view.height, heights_);
   put_array(view.pairs, view.pair, pairs_);
   put_array(view.equalities, view.equality, equalities_);
   put_array(view.limits, view.limit, limits_);
