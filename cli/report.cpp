@@ -43,6 +43,11 @@ std::string answered_text(const SolveReport& report) {
   return counts_text("-", counts);
 }
 
+/// True if some environment was taken apart.
+bool is_apart(const SolveReport& report) {
+  return report.islands && report.islands->max > 0;
+}
+
 std::string rate_text(const SolveReport& report) {
   if (report.seconds.solve <= 0) return "-";
   return fmt::format("{:.4g}", static_cast<double>(report.environments) / report.seconds.solve);
@@ -51,13 +56,14 @@ std::string rate_text(const SolveReport& report) {
 }  // namespace
 
 void SolveReport::count(std::span<const EnvStatus> status) {
-  std::vector<std::int32_t> iteration_counts;
+  std::vector<std::int32_t> iteration_counts, island_counts;
   std::vector<double> residuals;
   iteration_counts.reserve(status.size());
   residuals.reserve(status.size());
   for (const EnvStatus& env : status) {
     iteration_counts.push_back(env.iterations);
     residuals.push_back(env.residual);
+    island_counts.push_back(env.islands);
     ++codes[static_cast<std::size_t>(env.code)];
     for (std::size_t bit = 0; bit < flags.size(); ++bit) flags[bit] += (env.flags & flag_of(bit)) != 0 ? 1 : 0;
     ++answered[env.solver];
@@ -65,6 +71,7 @@ void SolveReport::count(std::span<const EnvStatus> status) {
   }
   iterations = quantiles(std::move(iteration_counts));
   residual = quantiles(std::move(residuals));
+  islands = quantiles(std::move(island_counts));
 }
 
 std::string to_json(const SolveReport& report) {
@@ -94,6 +101,7 @@ std::string to_json(const SolveReport& report) {
       {"hash", hex(report.hash)},
       {"epoch", kNumericsEpoch}};
   if (report.options.islands != IslandMode::together) json["islands"] = to_string(report.options.islands);
+  if (is_apart(report)) json["islands_apart"] = json_of(report.islands);
   if (report.options.blocks != BlockMode::cones) json["blocks"] = to_string(report.options.blocks);
   if (report.options.direct_rows != SolverOptions{}.direct_rows) json["direct_rows"] = report.options.direct_rows;
   if (report.pyramid > 0) json["pyramid"] = report.pyramid;
@@ -140,6 +148,7 @@ std::string to_text(const SolveReport& report) {
   line("environments/s", rate_text(report));
   line("iterations", quantile_text(report.iterations));
   line("residual", quantile_text(report.residual));
+  if (is_apart(report)) line("islands apart", quantile_text(report.islands));
   line("ended", codes_text(report));
   line("flags", flags_text(report));
   if (report.solver == to_string(SolverKind::automatic) || report.options.choose == SolverChoice::spectrum)

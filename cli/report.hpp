@@ -45,13 +45,14 @@ struct SolveReport {
   GpuUse gpu;  ///< while batches were planned and solved
   std::optional<Quantiles<std::int32_t>> iterations;
   std::optional<Quantiles<double>> residual;
+  std::optional<Quantiles<std::int32_t>> islands;  ///< that were solved apart
   std::array<Offset, kEnvCodeCount> codes{};
   std::array<Offset, kEnvFlagCount> flags{};
   std::map<SolverKind, Offset> answered;  ///< environments by the solver that answered
   Offset unconverged = 0;
   std::uint64_t hash = 0;
 
-  /// Fills iterations, residual, codes, flags, answered and unconverged.
+  /// Fills iterations, residual, islands, codes, flags, answered and unconverged.
   void count(std::span<const EnvStatus> status);
 };
 

@@ -173,7 +173,8 @@ typedef struct stiction_status {
   int32_t iterations;       /**< of the solver that answered */
   uint8_t code;             /**< stiction_env_code */
   uint8_t solver;           /**< stiction_solver_kind that answered */
-  uint8_t reserved[6];      /**< zero */
+  uint8_t reserved[2];      /**< zero */
+  int32_t islands;          /**< that were solved apart (STICTION_ISLANDS_APART); 0: none was */
 } stiction_status;
 
 /** By how much the contacts of an environment miss their laws (docs/math/residual.md). */

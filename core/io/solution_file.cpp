@@ -1,3 +1,5 @@
+#include <algorithm>
+
 #include "core/base/fp_env.hpp"
 #include "core/io/hdf5_out.hpp"
 #include "core/io/readers.hpp"
@@ -59,6 +61,7 @@ std::vector<EnvStatus> read_status(const InputFile& file, std::size_t envs) {
     check_solvers(file, solvers);
     fill(solvers, &EnvStatus::solver);
   }
+  if (file.has("islands")) fill(file.integers<Index>("islands", envs), &EnvStatus::islands);
   return status;
 }
 
@@ -167,6 +170,9 @@ void write_solution(const std::filesystem::path& path, const SolutionFile& solut
     file.array("residual", column<double>(status, &EnvStatus::residual));
     file.array("residual_absolute", column<double>(status, &EnvStatus::residual_absolute));
     file.array("answered_by", column<std::uint8_t>(status, &EnvStatus::solver));
+    const auto is_apart = [](const EnvStatus& one) { return one.islands != 0; };
+    if (std::any_of(status.begin(), status.end(), is_apart))
+      file.array("islands", column<std::int32_t>(status, &EnvStatus::islands));
   }
   file.commit();
 }

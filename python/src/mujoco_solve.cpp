@@ -38,7 +38,7 @@ void MujocoChunk::solve(JacobianSolver<double>& solver, const double* tolerance,
     solver.solve(part, {system_.lambda.data(), nullptr, system_.velocity.data(), solved_.status()}, start);
   // What a solver says of an environment without rows; auto begins with this one.
   const SolverKind named = options_.solver == SolverKind::automatic ? SolverKind::velocity_newton : options_.solver;
-  solved_.hand_out(system_, EnvStatus{0.0, 0.0, 0, 0, EnvCode::solved, named, {0, 0, 0, 0, 0, 0}});
+  solved_.hand_out(system_, EnvStatus{0.0, 0.0, 0, 0, EnvCode::solved, named, {0, 0}, 0});
   for (std::size_t env = 0; env < data_.size(); ++env)
     if (active_[env] != 0) starts_over_[env] = 0;
   if (!by_reactions) return;

@@ -231,6 +231,22 @@ def test_devices_say_why_not():
     assert all(report["usable"] or report["reason"] for report in found.values())
 
 
+def test_the_status_tells_how_many_islands_were_solved_apart():
+    """Six rows in an environment: of which no two, two and two, or all are coupled."""
+    couplings = [[], [(0, 4), (1, 2)], [(row, row + 1) for row in range(5)]]
+    indptr, indices = [0], []
+    for pairs in couplings:
+        for row in range(6):
+            indices += sorted({row} | {b for a, b in pairs if a == row} | {a for a, b in pairs if b == row})
+            indptr.append(len(indices))
+    rows = np.repeat(np.arange(18), np.diff(indptr)) % 6
+    A = np.where(rows == np.array(indices), 2.0, 0.5)
+    batch = stiction.Batch.from_delassus(A, -np.ones(18), offsets=np.arange(4) * 6, indptr=np.array(indptr),
+                                         indices=np.array(indices, np.int32), cones="unilateral")
+    assert Solver(islands="apart").solve(batch).status["islands"].tolist() == [6, 4, 0]
+    assert Solver().solve(batch).status["islands"].tolist() == [0, 0, 0]
+
+
 def test_a_large_environment_is_factorised_where_that_is_asked_for():
     rows = 1100
     batch = stiction.Batch.from_delassus(np.eye(rows)[None], np.ones((1, rows)), cones="unilateral")

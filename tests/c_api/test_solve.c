@@ -104,6 +104,31 @@ static void isolates(const char* device) {
   STICTION_CHECK_OK(stiction_solver_destroy(solver));
 }
 
+/* Both blocks in one environment. */
+static void tells_islands(void) {
+  static const int64_t rows[] = {0, 6}, cones[] = {0, 2};
+  static const int32_t columns[] = {0, 1, 2, 3, 4, 5};
+  stiction_solver* solver = NULL;
+  stiction_solver_options options;
+  stiction_batch_view batch;
+  stiction_solution solution = answer(lambda, w);
+  two_blocks(&batch, STICTION_F64);
+  batch.env_count = 1;
+  batch.env_row_offsets = rows;
+  batch.env_cone_offsets = cones;
+  batch.column = columns;
+  STICTION_CHECK_OK(stiction_solver_options_init(&options, sizeof options));
+  STICTION_CHECK_OK(stiction_solver_create("cpu", &options, NULL, &solver));
+  STICTION_CHECK_OK(stiction_solver_solve(solver, &batch, &solution, NULL, NULL));
+  STICTION_CHECK(status[0].code == STICTION_ENV_SOLVED && status[0].islands == 0);
+  STICTION_CHECK_OK(stiction_solver_destroy(solver));
+  options.islands = STICTION_ISLANDS_APART;
+  STICTION_CHECK_OK(stiction_solver_create("cpu", &options, NULL, &solver));
+  STICTION_CHECK_OK(stiction_solver_solve(solver, &batch, &solution, NULL, NULL));
+  STICTION_CHECK(status[0].code == STICTION_ENV_SOLVED && status[0].islands == 2);
+  STICTION_CHECK_OK(stiction_solver_destroy(solver));
+}
+
 static void solves_floats(void) {
   stiction_solver* solver = NULL;
   stiction_batch_view batch;
@@ -288,6 +313,7 @@ int main(void) {
   solves("emulated", STICTION_SPACE_CUDA); /* whose device memory is any memory */
   isolates("cpu");
   isolates("emulated");
+  tells_islands();
   solves_floats();
   jacobians();
   semidefinite_jacobians("cpu", STICTION_SPACE_HOST);

@@ -7,6 +7,7 @@
 static void layouts(void) {
   if (sizeof(void*) != 8) return;
   STICTION_CHECK(sizeof(stiction_status) == 32 && offsetof(stiction_status, code) == 24);
+  STICTION_CHECK(offsetof(stiction_status, islands) == 28);
   STICTION_CHECK(sizeof(stiction_warm_start_record) == 16 && sizeof(stiction_residual) == 16);
   STICTION_CHECK(sizeof(stiction_worst_contact) == 24);
   STICTION_CHECK(sizeof(stiction_solver_options) == 72 && offsetof(stiction_solver_options, solver) == 24);

@@ -40,6 +40,7 @@ EnvStatus expected_record(std::span<const EnvStatus> islands) {
     record.residual = std::max(record.residual, island.residual);
     record.residual_absolute = std::max(record.residual_absolute, island.residual_absolute);
   }
+  record.islands = static_cast<std::int32_t>(islands.size());
   return record;
 }
 
@@ -161,6 +162,34 @@ TYPED_TEST(IslandSplit, ABrokenNumberRefusesTheWholeEnvironmentAndNoOther) {
   std::vector<EnvStatus> status(at(broken.env_count()));
   EXPECT_THROW(solver.solve(broken.view(), {lambda.data(), nullptr, status.data()}), Error);
   EXPECT_EQ(std::count(lambda.begin(), lambda.end(), Real(77)), broken.row_count()) << "nothing was written";
+}
+
+TYPED_TEST(IslandSplit, TheRecordTellsHowManyIslandsWereSolvedApart) {
+  using Real = TypeParam;
+  const auto robots = [](std::uint64_t count) {
+    std::vector<Environment<double>> all;
+    for (std::uint64_t k = 0; k < count; ++k) all.push_back(scenes::make("walker", 5, k).system);
+    return merge(all, count).system;
+  };
+  const auto batch = convert<Real>(batch_of({robots(22), robots(1), {}, robots(5), robots(2)}, Law::coulomb));
+  const auto told = [](const Solution<Real>& solution) {
+    std::vector<std::int32_t> islands;
+    for (const EnvStatus& status : solution.status) islands.push_back(status.islands);
+    return islands;
+  };
+  using Told = std::vector<std::int32_t>;
+  for (const SolverKind solver : kAllSolvers) {
+    const SolverOptions o = options(solver, 1e-3, 24);
+    EXPECT_EQ(told(solve(batch, apart(o))), (Told{22, 0, 0, 5, 2})) << to_string(solver);
+    EXPECT_EQ(told(solve(batch, o)), Told(5, 0)) << to_string(solver);
+  }
+  SolverOptions o = apart(options(SolverKind::npgs, 1e-3, 24));
+  EXPECT_EQ(told(solve(batch, o, Device::emulated())), (Told{22, 0, 0, 5, 2}));
+  // A refused environment has no island that was solved.
+  o.invalid = InvalidPolicy::isolate;
+  auto arrays = batch.arrays();
+  arrays.b.front() = std::numeric_limits<Real>::quiet_NaN();
+  EXPECT_EQ(told(solve(ContactBatch<Real>::from_arrays(batch.law(), arrays), o)), (Told{0, 0, 0, 5, 2}));
 }
 
 TYPED_TEST(IslandSplit, AnUnsupportedIslandLeavesTheEnvironmentAtRest) {

@@ -20,6 +20,7 @@ inline void require_sound_record(const EnvStatus& status) {
   require(static_cast<int>(status.code) < kEnvCodeCount, "a status has one of the codes");
   require((status.flags >> kEnvFlagCount) == 0, "a status has known flags only");
   require(status.iterations >= 0, "a status counts iterations from 0");
+  require(status.islands == 0 || status.islands > 1, "several islands are solved apart, or none is");
   for (const std::uint8_t byte : status.reserved) require(byte == 0, "what is reserved in a status is zero");
   if (status.code == EnvCode::solved) {
     require(std::isfinite(status.residual) && std::isfinite(status.residual_absolute),

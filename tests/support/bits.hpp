@@ -47,9 +47,10 @@ inline ::testing::AssertionResult same_bits(std::span<const EnvStatus> expected,
     if (std::memcmp(&e, &a, sizeof(EnvStatus)) != 0)
       return ::testing::AssertionFailure()
              << "environment " << i << ": expected " << to_string(e.code) << " after " << e.iterations << ", flags "
-             << e.flags << ", residual " << hex_bits(e.residual) << ", " << hex_bits(e.residual_absolute) << "; is "
-             << to_string(a.code) << " after " << a.iterations << ", flags " << a.flags << ", residual "
-             << hex_bits(a.residual) << ", " << hex_bits(a.residual_absolute);
+             << e.flags << ", residual " << hex_bits(e.residual) << ", " << hex_bits(e.residual_absolute)
+             << ", islands " << e.islands << "; is " << to_string(a.code) << " after " << a.iterations << ", flags "
+             << a.flags << ", residual " << hex_bits(a.residual) << ", " << hex_bits(a.residual_absolute)
+             << ", islands " << a.islands;
   }
   return ::testing::AssertionSuccess();
 }

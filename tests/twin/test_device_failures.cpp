@@ -28,7 +28,7 @@ struct Call {
     const auto rows = static_cast<std::size_t>(batch.row_count());
     answer.lambda.assign(rows, kUntouched);
     answer.w.assign(rows, kUntouched);
-    answer.status.assign(static_cast<std::size_t>(batch.env_count()), EnvStatus{-1, -1, 99, -5, {}, {}, {}});
+    answer.status.assign(static_cast<std::size_t>(batch.env_count()), EnvStatus{-1, -1, 99, -5, {}, {}, {}, -9});
   }
   SolveRequest<float> request() {
     return {nullptr,

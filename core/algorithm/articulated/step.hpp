@@ -136,9 +136,10 @@ class RobotStep {
   }
   STICTION_HD void write_record(int l) const {
     const RobotRecord& record = records_[l];
-    job_.status[envs_[l]] = EnvStatus{record.relative,   record.absolute, record.flags,
-                                      record.steps,      record.code,     SolverKind::velocity_newton,
-                                      {0, 0, 0, 0, 0, 0}};
+    job_.status[envs_[l]] = EnvStatus{record.relative, record.absolute,
+                                      record.flags,    record.steps,
+                                      record.code,     SolverKind::velocity_newton,
+                                      {0, 0},          0};
   }
 
   /// Accelerations at the present state, in `qacc`, and what is observed of them.

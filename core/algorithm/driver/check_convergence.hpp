@@ -27,8 +27,7 @@ template <Team TeamT, class Real>
 STICTION_HD void write_status(TeamT& team, const EnvView<Real>& env, EnvCode code, SolverKind solver,
                               std::uint32_t flags, Index iterations, double relative, double absolute) {
   if (code == EnvCode::solved) flags &= ~static_cast<std::uint32_t>(kFlagImmovable);
-  single(team,
-         [&] { *env.status = EnvStatus{relative, absolute, flags, iterations, code, solver, {0, 0, 0, 0, 0, 0}}; });
+  single(team, [&] { *env.status = EnvStatus{relative, absolute, flags, iterations, code, solver, {0, 0}, 0}; });
 }
 
 /// Writes the safe answer for an environment that cannot be solved: lambda = 0. With invalid input w = 0 as well, since

@@ -135,9 +135,8 @@ STICTION_HD void clear_impulses(TeamT& team, const BodyEnv<Real>& env) {
 template <Team TeamT, class Real>
 STICTION_HD void write_body_status(TeamT& team, const BodyEnv<Real>& env, const SiParams& params, EnvCode code,
                                    std::uint32_t flags, Index iterations, double relative, double absolute) {
-  single(team, [&] {
-    *env.status = EnvStatus{relative, absolute, flags, iterations, code, params.answered_by, {0, 0, 0, 0, 0, 0}};
-  });
+  single(team,
+         [&] { *env.status = EnvStatus{relative, absolute, flags, iterations, code, params.answered_by, {0, 0}, 0}; });
 }
 
 /// The safe answer for an environment whose numbers cannot be used: nothing pushes, nothing moves.

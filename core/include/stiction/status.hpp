@@ -61,7 +61,8 @@ struct EnvStatus {
   std::int32_t iterations;   ///< iterations of the solver that answered
   EnvCode code;              ///< how it ended
   SolverKind solver;         ///< which solver answered
-  std::uint8_t reserved[6];  ///< zero
+  std::uint8_t reserved[2];  ///< zero
+  std::int32_t islands;      ///< islands that were solved apart (docs/howto/islands.md); 0: none was
 };
 static_assert(sizeof(EnvStatus) == 32);
 

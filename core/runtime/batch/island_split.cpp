@@ -136,6 +136,8 @@ void IslandSplit<Real>::add_numbers(Offset env, std::size_t first, Arrays& to) c
 template <class Real>
 EnvStatus IslandSplit<Real>::joined_status(Offset env) const {
   EnvStatus joined = answer_.status[at(piece_offsets_[at(env)])];
+  const Index pieces = piece_count_[at(env)];
+  joined.islands = pieces > 1 ? pieces : 0;
   for (Offset piece = piece_offsets_[at(env)] + 1; piece < piece_offsets_[at(env) + 1]; ++piece) {
     const EnvStatus& status = answer_.status[at(piece)];
     joined.code = graver(joined.code, status.code);
@@ -145,7 +147,7 @@ EnvStatus IslandSplit<Real>::joined_status(Offset env) const {
     if (status.residual_absolute > joined.residual_absolute) joined.residual_absolute = status.residual_absolute;
   }
   if (is_refused(joined.code)) {
-    joined.iterations = 0;
+    joined.iterations = joined.islands = 0;
     joined.residual = joined.residual_absolute = std::numeric_limits<double>::infinity();
   }
   return joined;

@@ -7,9 +7,9 @@ from .. import _core
 FLOATS = ("float32", "float64")
 #: Record of one environment: how its solve ended. 32 bytes.
 STATUS_DTYPE = np.dtype({
-    "names": ["residual", "residual_abs", "flags", "iterations", "code", "solver"],
-    "formats": ["<f8", "<f8", "<u4", "<i4", "u1", "u1"],
-    "offsets": [0, 8, 16, 20, 24, 25],
+    "names": ["residual", "residual_abs", "flags", "iterations", "code", "solver", "islands"],
+    "formats": ["<f8", "<f8", "<u4", "<i4", "u1", "u1", "<i4"],
+    "offsets": [0, 8, 16, 20, 24, 25, 28],
     "itemsize": 32,
 })
 

@@ -43,7 +43,8 @@ class Solution:
         or (contacts, 3): impulses (normal, two tangents) [N s].
     velocities: v_free + M^-1 J' lambda [v], shaped as v_free, in the Jacobian form; twists after the step, shaped as
         twist, for bodies; else None.
-    status: NumPy records (B,) of code, flags, iterations, residual (share of the island's scale), residual_abs [w], solver.
+    status: NumPy records (B,) of code, flags, iterations, residual (share of the island's scale), residual_abs [w], solver,
+        islands (that were solved apart).
 
     In device memory the arrays are ready in the order of the stream that the solve was given. `status` and what is
     made of it wait for that stream and copy to the host.
@@ -127,7 +128,7 @@ class Solution:
 
     @property
     def status(self) -> np.ndarray:
-        """Records (B,): code, flags, iterations, residual [-], residual_abs [w], solver."""
+        """Records (B,): code, flags, iterations, residual [-], residual_abs [w], solver, islands."""
         self.synchronize()
         raw = self._raw
         if self._batch.device != "cpu":

@@ -34,7 +34,8 @@ class Digest {
   Digest& add(const std::vector<Real>& values) {
     return add(hash_bits(std::span<const Real>(values)));
   }
-  /// Adds the whole record of every environment, the solver that answered included.
+  /// Adds the record of every environment, the solver that answered included. No number of islands: hashes of the
+  /// table are older than that field.
   Digest& add(std::span<const EnvStatus> records) {
     for (const EnvStatus& status : records)
       add(std::vector<double>{status.residual, status.residual_absolute, static_cast<double>(status.flags),

@@ -16,8 +16,8 @@ SolutionFile sample(Precision precision) {
   solution.w = {0.5, 0.25, static_cast<double>(-0.3F), 0.0};
   solution.env_row_offsets = {0, 3, 4};
   solution.status = {
-      EnvStatus{1e-7, 1e-5, 0, 42, EnvCode::solved, SolverKind::apgd, {}},
-      EnvStatus{0.5, 2.0, kFlagBadDiagonal | kFlagAsymmetric, 0, EnvCode::unsupported, SolverKind::pgs, {}}};
+      EnvStatus{1e-7, 1e-5, 0, 42, EnvCode::solved, SolverKind::apgd, {}, 0},
+      EnvStatus{0.5, 2.0, kFlagBadDiagonal | kFlagAsymmetric, 0, EnvCode::unsupported, SolverKind::pgs, {}, 22}};
   solution.law = Law::coulomb;
   solution.solver = "apgd";
   solution.source = "a batch";

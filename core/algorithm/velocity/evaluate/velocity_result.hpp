@@ -28,7 +28,8 @@ STICTION_HD void finish(const VelocityJob<Real>& job, Offset env, const Velocity
                                  result.steps,
                                  result.is_rounding ? EnvCode::rounding : EnvCode::solved,
                                  SolverKind::velocity_newton,
-                                 {0, 0, 0, 0, 0, 0}};
+                                 {0, 0},
+                                 0};
 }
 
 }  // namespace stiction::inline STICTION_ISA
