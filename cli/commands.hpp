@@ -118,6 +118,7 @@ struct StepArguments {
   std::string solver = "si";                  ///< si, npgs, pgs, newton or multigrid
   std::optional<std::string> preconditioner;  ///< of newton; without it: block_diagonal
   std::string law = "coulomb";                ///< coulomb, convex or boxed
+  std::string blocks = "cones";               ///< of sweeps: cones or pairs
   Index iterations = 50;
   double tolerance = 1e-3;
   double warm_start = 0.95;

@@ -70,7 +70,8 @@ void declare_solve(CLI::App& app, SolveArguments& a) {
       ->capture_default_str();
   app.add_option("--choose", a.choose, "named: --solver; spectrum: by condition and density of each environment's A")
       ->capture_default_str();
-  app.add_option("--blocks", a.blocks, "Of pgs, npgs, nsgs: contacts a sweep solves together: cones, pairs or strong")
+  app.add_option("--blocks", a.blocks,
+                 "Of pgs, npgs, nsgs, si: contacts a sweep solves together: cones, pairs or strong")
       ->capture_default_str();
   app.add_option("--tolerance", a.tolerance, "On the relative residual; 0: run all iterations [1e-4]");
   app.add_option("--absolute-tolerance", a.absolute_tolerance, "On the largest error of a contact, in units of b")

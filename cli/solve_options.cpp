@@ -25,7 +25,7 @@ bool is_bodies(const SolveArguments& arguments) {
 
 SolverOptions solver_options(const SolveArguments& arguments) {
   SolverOptions options = arguments.preset ? options_for(preset_from_string(*arguments.preset)) : SolverOptions{};
-  if (takes_jacobian(arguments)) options.solver = SolverKind::automatic;
+  if (takes_jacobian(arguments) && !is_bodies(arguments)) options.solver = SolverKind::automatic;
   if (arguments.solver && !is_bodies(arguments)) options.solver = solver_from_string(*arguments.solver);
   options.tolerance = arguments.tolerance.value_or(options.tolerance);
   options.absolute_tolerance = arguments.absolute_tolerance;
@@ -48,6 +48,7 @@ BodySolverOptions body_options(const SolveArguments& arguments, const SolverOpti
   options.absolute_tolerance = common.absolute_tolerance;
   options.iterations = common.max_iterations;
   options.omega = common.omega;
+  options.blocks = block_mode_from_string(arguments.blocks);
   options.asynchronous = arguments.asynchronous;
   options.threads = common.threads;
   options.invalid = common.invalid;
@@ -101,10 +102,16 @@ void check_form(const SolveArguments& arguments) {
     body_options(arguments, SolverOptions{}, Law::convex);
     std::string excluded = arguments.preset ? "--preset" : "";
     if (arguments.islands != "together") excluded = "--islands apart";
-    if (arguments.blocks != "cones") excluded = "--blocks " + arguments.blocks;
     if (!excluded.empty())
       throw Error(ErrorCode::invalid_argument,
                   fmt::format("--form bodies and {} exclude one another: leave one of them out", excluded));
+    if (arguments.blocks == "strong" ||
+        (arguments.blocks != "cones" && !is_sweeping(arguments.solver.value_or("newton"))))
+      throw Error(
+          ErrorCode::invalid_argument,
+          fmt::format("--form bodies --blocks {}: blocks of bodies are pairs, and of sweeps: choose --blocks pairs "
+                      "--solver si",
+                      arguments.blocks));
   }
   const char* other = arguments.pyramid > 0 ? "--pyramid" : arguments.record ? "--record" : nullptr;
   if (arguments.convergence) other = "--convergence";

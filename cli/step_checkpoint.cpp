@@ -71,6 +71,7 @@ StepCheckpoint::StepCheckpoint(const StepArguments& arguments, const WorldOption
                        arguments.warm_start, arguments.max_contacts, arguments.precision, kNumericsEpoch,
                        arguments.size > 0 ? fmt::format(" size={}", arguments.size) : "")) {
   if (arguments.law != StepArguments{}.law) run_ += " law=" + arguments.law;
+  if (arguments.blocks != StepArguments{}.blocks) run_ += " blocks=" + arguments.blocks;
 }
 
 const std::filesystem::path* StepCheckpoint::path() const {

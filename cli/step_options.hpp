@@ -19,6 +19,8 @@ inline void declare_steps(CLI::App& app, StepArguments& a) {
   app.add_option("--dt", a.dt, "Length of a step in seconds [the scene's]");
   app.add_option("--precision", a.precision, "f32 or f64")->capture_default_str();
   app.add_option("--law", a.law, "Of contacts: coulomb, convex or boxed")->capture_default_str();
+  app.add_option("--blocks", a.blocks, "Of sweeps: contacts that are visited together: cones or pairs")
+      ->capture_default_str();
   app.add_option("--iterations", a.iterations, "Sweeps, or Newton steps, of a step at most")->capture_default_str();
   app.add_option("--tolerance", a.tolerance, "On the relative residual; 0: run all iterations")->capture_default_str();
   app.add_option("--warm-start", a.warm_start, "Share of the last impulses to start from")->capture_default_str();

@@ -67,6 +67,7 @@ Json json_of(const StepReport& report) {
       {"hash", hex(report.hash)},
       {"epoch", kNumericsEpoch}};
   if (!report.preconditioner.empty()) json["preconditioner"] = report.preconditioner;
+  if (report.blocks != StepArguments{}.blocks) json["blocks"] = report.blocks;
   return json;
 }
 
@@ -94,6 +95,7 @@ std::string to_text(const StepReport& report) {
                    report.preconditioner.empty() ? report.solver : report.solver + " with " + report.preconditioner,
                    report.iterations, is_sweeping(report.solver) ? "sweeps" : "steps", report.tolerance));
   line("law", report.law);
+  if (report.blocks != StepArguments{}.blocks) line("blocks", report.blocks);
   line("device", fmt::format("{} ({})", report.device, report.device_name));
   line("precision", to_string(report.precision));
   line("threads", fmt::format("{}", report.threads));

@@ -18,6 +18,7 @@ struct StepReport {
   std::string scene, device, device_name;
   std::string solver, preconditioner;  ///< the latter of newton alone
   std::string law;                     ///< of contacts
+  std::string blocks;                  ///< of contacts in a sweep
   Precision precision = Precision::f64;
   std::int64_t environments = 0, steps = 0, bodies = 0;
   std::int64_t resumed_at = 0;  ///< of the steps, those that a checkpoint had

@@ -140,6 +140,7 @@ WorldOptions world_options(const StepArguments& arguments, const TimeStepping& s
   options.stepping.dt = arguments.dt.value_or(stepping.dt);
   choose_body_method(arguments.solver, arguments.preconditioner, options.solver);
   choose_contact_law(arguments.law, options.solver);
+  options.solver.blocks = block_mode_from_string(arguments.blocks);
   options.solver.iterations = arguments.iterations;
   options.solver.tolerance = arguments.tolerance;
   options.solver.threads = arguments.threads;
@@ -186,6 +187,7 @@ StepReport run_steps(const StepArguments& arguments, const WorldOptions& options
   report.dt = options.stepping.dt;
   report.solver = arguments.solver;
   report.law = arguments.law;
+  report.blocks = arguments.blocks;
   if (arguments.solver == "newton") report.preconditioner = to_string(options.solver.space.preconditioner);
   report.iterations = options.solver.iterations;
   report.tolerance = tolerance;

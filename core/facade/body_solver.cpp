@@ -80,6 +80,21 @@ void check_asynchronous(const BodySolverOptions& options, Device device) {
     refuse_with("substeps = " + std::to_string(options.substeps) + ": their sweeps are of fixed number; choose 1");
 }
 
+/// Blocks are of contacts between two bodies: there is no A to read, and Newton's method visits nothing.
+void check_blocks(const BodySolverOptions& options) {
+  if (options.blocks == BlockMode::cones) return;
+  if (options.blocks != BlockMode::pairs && options.blocks != BlockMode::strong)
+    refuse("blocks = " + std::to_string(static_cast<int>(options.blocks)) +
+           ": no such mode; use BlockMode::cones or pairs");
+  const std::string blocks = std::string("blocks = ") + to_string(options.blocks);
+  if (options.blocks == BlockMode::strong)
+    throw Error(ErrorCode::unsupported, blocks + ": it reads numbers of A, and bodies have none; choose pairs");
+  if (options.method != BodyMethod::impulses)
+    throw Error(ErrorCode::unsupported, blocks +
+                                            " with method = newton: blocks are of sweeps; choose "
+                                            "BodyMethod::impulses, or leave blocks = cones");
+}
+
 /// Sweeps of a step that EnvStatus can count.
 constexpr Offset kMostSweeps = 1'000'000'000;
 
@@ -107,6 +122,7 @@ void check_body_options(const BodySolverOptions& options) {
                 "method = newton with box_friction = true: Newton's method has no boxed friction; use sequential "
                 "impulses (method = impulses, solver si), or friction cones (box_friction = false)");
   check_space_options(options.space, options.method == BodyMethod::newton);
+  check_blocks(options);
   if (options.max_contacts_per_env < 0)
     refuse("max_contacts_per_env = " + std::to_string(options.max_contacts_per_env) + ": must be >= 0 (0: no limit)");
 }

@@ -1,10 +1,12 @@
 #pragma once
 
 #include <algorithm>
+#include <vector>
 
 #include "core/algorithm/rigid/lane_bodies.hpp"
 #include "core/algorithm/rigid/pack_sweep.hpp"
 #include "core/base/extents.hpp"
+#include "cpu_fallback/pack/body_lane.hpp"
 #include "cpu_fallback/pack/pack_driver.hpp"
 #include "cpu_fallback/pack/pack_width.hpp"
 #include "cpu_fallback/tables/body_kernels.hpp"
@@ -42,33 +44,6 @@ struct BodyPackMemory {
   }
 };
 
-/// What a lane works on.
-template <class Real>
-struct BodyLane {
-  BodyEnv<Real> env;
-  SiProgress<Real> progress;
-  Index left = 0;     ///< sweeps until its chunk ends
-  Index substep = 0;  ///< the one that the pack has the free twists of
-};
-
-/// The sides of all lanes, once more after some lanes have another environment.
-template <class Real, int W>
-void write_sides(const PackSides<Real, W>& sides, const BodyLane<Real> (&lanes)[W], LaneSet busy, Index contacts) {
-  for (Offset side_index = 0; side_index < 2 * Offset{contacts}; ++side_index) {
-    Index slot = -1;
-    bool uniform = true;
-    const auto has_side = [&](int l) { return busy.has(l) && side_index < 2 * Offset{lanes[l].env.kept}; };
-    for (int l = 0; l < W; ++l) {
-      if (!has_side(l)) continue;
-      const Index own = slot_of(lanes[l].env.side(side_index));
-      if (slot < 0) slot = own;
-      uniform = uniform && own == slot;
-    }
-    sides.is_uniform[side_index] = uniform ? 1 : 0;
-    for (int l = 0; l < W; ++l) sides.side[side_index * W + l] = has_side(l) ? lanes[l].env.side(side_index) : ~slot;
-  }
-}
-
 /// A pack of environments of rigid bodies.
 template <Law kLaw, class Real>
 class BodyPackRun : public PackDriver<BodyPackRun<kLaw, Real>, kPackWidth<Real>> {
@@ -97,6 +72,10 @@ class BodyPackRun : public PackDriver<BodyPackRun<kLaw, Real>, kPackWidth<Real>>
     // Idle lanes compute on whatever they hold; they must hold numbers only so that no slow path is taken.
     std::fill_n(memory, Memory::numbers(shape, params_.momentum), Real(0));
     std::fill_n(exact, Memory::exact_elements(shape), 0.0);
+    if (job.options.blocks == BlockMode::cones) return;
+    block_ends_.resize(at(shape.contacts));
+    longest_block_.resize(at(shape.contacts));
+    env_.blocks = {block_ends_.data(), longest_block_.data()};
   }
 
   /// Sweeps until the first chunk ends, and what follows a chunk in the lanes where one has ended.
@@ -266,6 +245,7 @@ class BodyPackRun : public PackDriver<BodyPackRun<kLaw, Real>, kPackWidth<Real>>
   void compose() {
     if (is_composed_) return;
     write_sides(env_.sides, lanes_, busy_, pack_.contacts);
+    if (!block_ends_.empty()) write_blocks<Real, kWidth>(block_ends_, longest_block_, lanes_, busy_);
     for (Offset side_index = 0; side_index < 2 * Offset{pack_.contacts}; ++side_index)
       if (const auto slots = slot_of(env_.side(side_index)); !slots.is_uniform) pack_.keep_masses(slots);
     is_composed_ = true;
@@ -325,6 +305,8 @@ class BodyPackRun : public PackDriver<BodyPackRun<kLaw, Real>, kPackWidth<Real>>
   SerialTeam team_;
   Lanes pack_;
   PackEnv<Real, kWidth> env_;
+  std::vector<typename PackBlocks<Real, kWidth>::Lanes> block_ends_;  ///< empty without blocks     (shape.contacts)
+  std::vector<Index> longest_block_;                                  ///< of all lanes             (shape.contacts)
   Lane lanes_[kWidth];
   bool is_composed_ = false;  ///< none has entered since compose()
 };

@@ -15,6 +15,7 @@ void add_options(Digest& digest, const TimeStepping& stepping, const BodySolverO
   const Index integers[] = {static_cast<Index>(contact_law(options)), options.iterations, options.substeps,
                             options.momentum ? 1 : 0, kNumericsEpoch};
   digest.add(integers, 5);
+  if (options.blocks != BlockMode::cones) digest.add(static_cast<std::uint64_t>(options.blocks));
 }
 
 template <class Real>

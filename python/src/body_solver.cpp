@@ -13,10 +13,8 @@ namespace {
 
 /// "newton" and "multigrid" are Newton's method, "pgs" plain sequential impulses, any other name those with momentum.
 BodySolverOptions body_options(const SolverOptions& options, const std::string& solver) {
-  if (options.blocks != BlockMode::cones)
-    throw Error(ErrorCode::invalid_argument, std::string("blocks = ") + to_string(options.blocks) +
-                                                 ": blocks are of contact systems; leave blocks = cones for bodies");
   BodySolverOptions body;
+  body.blocks = options.blocks;
   const bool newton = solver == "newton" || solver == "multigrid";
   body.method = newton ? BodyMethod::newton : BodyMethod::impulses;
   body.momentum = solver != "pgs";

@@ -278,7 +278,8 @@ def test_solvers_are_chosen_by_the_spectrum():
         depth=np.zeros((1, 1)))
     with pytest.raises(ValueError, match="choose: expected 'named' for bodies"):
         stiction.Solver(choose="spectrum").solve(bodies)
-    with pytest.raises(stiction.Error, match="blocks = pairs: blocks are of contact systems"):
-        stiction.Solver(solver="npgs", blocks="pairs").solve(bodies)
+    with pytest.raises(stiction.Error, match="it reads numbers of A, and bodies have none; choose pairs"):
+        stiction.Solver(solver="npgs", blocks="strong").solve(bodies)
+    assert stiction.Solver(solver="npgs", blocks="pairs").solve(bodies).solved.all()
     with pytest.raises(stiction.Error, match="asynchronous = true with law = coulomb"):
         stiction.Solver(solver="npgs", law="coulomb", asynchronous=True).solve(bodies)

@@ -43,9 +43,9 @@ def before_normalised(orientation):
     return found
 
 
-RUNS = [(scene, "float64", "npgs") for scene in SCENES] + [("pile", "float32", "npgs"), ("slide", "float32", "npgs"),
-                                                           ("stack", "float64", "newton"),
-                                                           ("bounce", "float64", "multigrid")]
+RUNS = [(scene, "float64", "npgs", "cones") for scene in SCENES] + [
+    ("pile", "float32", "npgs", "cones"), ("slide", "float32", "npgs", "cones"), ("stack", "float64", "newton", "cones"),
+    ("bounce", "float64", "multigrid", "cones"), ("stack", "float64", "npgs", "pairs")]
 
 
 def test_a_world_of_boxed_friction_holds_a_box_between_the_axes():
@@ -73,15 +73,15 @@ def test_a_world_of_boxed_friction_holds_a_box_between_the_axes():
         stiction.WorldStep(World([body], [floor, shape], 1, law="boxed"))
 
 
-@pytest.mark.parametrize("scene, dtype, solver", RUNS)
-def test_a_world_has_the_bits_of_the_command_line(cli, tmp_path, scene, dtype, solver):
+@pytest.mark.parametrize("scene, dtype, solver, blocks", RUNS)
+def test_a_world_has_the_bits_of_the_command_line(cli, tmp_path, scene, dtype, solver, blocks):
     flags = ["--solver", "si" if solver == "npgs" else solver, "--tolerance", "1e-5", "--iterations", "2000",
-             "--warm-start", "0.9", "--threads", "1"]
+             "--warm-start", "0.9", "--threads", "1", "--blocks", blocks]
     steps = {"bounce": 900}.get(scene, 150)
     before, first, after, last = stepped_by_the_command_line(cli, tmp_path, scene, 3, steps, dtype, *flags)
     bodies, shapes, options = SCENES[scene]()
     world = World(bodies, shapes, 3, dtype=dtype, solver=solver, tolerance=1e-5, max_iterations=2000, warm_start=0.9,
-                  **options)
+                  blocks=blocks, **options)
     world.reset(position=before.position, orientation=before_normalised(before.orientation), twist=before.twist)
     assert world.hash() == first["hash"]
     contacts = 0

@@ -31,13 +31,14 @@ BodyEnvironment<Real> as(const Env& env) {
 template <Law kLaw, class Real>
 class SiCase {
  public:
-  SiCase(const Env& env, Index substeps, bool momentum, bool warm) {
+  SiCase(const Env& env, Index substeps, bool momentum, bool warm, BlockMode blocks = BlockMode::cones) {
     batch_.add(as<Real>(env));
     options_.box_friction = kLaw == kBoxFriction;
     if (kLaw != kBoxFriction) options_.law = kLaw;
     options_.iterations = 19;  // a chunk and a part of one
     options_.substeps = substeps;
     options_.momentum = momentum;
+    options_.blocks = blocks;
     options_.threads = 1;
     options_.invalid = InvalidPolicy::isolate;
     plan_ = make_body_plan(batch_.view(), 0);
@@ -160,6 +161,13 @@ TEST(SequentialImpulses, BlocksOfEveryWidthGiveTheSameBitsInSubSteps) {
 
 TEST(SequentialImpulses, BlocksOfEveryWidthGiveTheSameBitsUnderBoxedFriction) {
   SiCase<kBoxFriction, float>(random_bodies(5, 8, 20), 2, true, true).expect_same_on_all_blocks();
+}
+
+TEST(SequentialImpulses, BlocksOfEveryWidthGiveTheSameBitsForContactsInPairs) {
+  const Env cloud = random_bodies(5, 12, 45);
+  SiCase<Law::coulomb, float>(cloud, 1, true, true, BlockMode::pairs).expect_same_on_all_blocks();
+  SiCase<Law::convex, float>(cloud, 2, false, false, BlockMode::pairs).expect_same_on_all_blocks();
+  SiCase<kBoxFriction, float>(cloud, 1, true, false, BlockMode::pairs).expect_same_on_all_blocks();
 }
 
 TEST(SequentialImpulses, APoisonedEnvironmentIsRefusedAlikeAndSafely) {

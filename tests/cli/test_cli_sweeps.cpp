@@ -49,7 +49,41 @@ TEST_F(Sweeps, BlocksAreSaidAndAnotherIteration) {
   }
   EXPECT_THAT(solve({"--blocks", "boxes"}).err, testing::HasSubstr("cones, pairs, strong"));
   EXPECT_THAT(solve({"--blocks", "pairs", "--solver", "auto"}).err, testing::HasSubstr("choose pgs, npgs or nsgs"));
-  EXPECT_THAT(solve({"--blocks", "pairs", "--form", "bodies"}).err, testing::HasSubstr("--blocks pairs exclude"));
+}
+
+TEST_F(Sweeps, BlocksOfBodiesAreSaidAndAnotherIteration) {
+  const Words bodies{"--form", "bodies", "--solver", "si", "--json", "-"};
+  const auto with = [&](const Words& more) {
+    Words words = bodies;
+    words.insert(words.end(), more.begin(), more.end());
+    return solve(words);
+  };
+  const Json plain = Json::parse(with({}).out), pairs = Json::parse(with({"--blocks", "pairs"}).out);
+  EXPECT_FALSE(plain.contains("blocks"));
+  EXPECT_EQ(pairs["blocks"], "pairs");
+  EXPECT_EQ(pairs["unconverged"], 0);
+  EXPECT_NE(pairs["hash"], plain["hash"]);
+  EXPECT_EQ(Json::parse(with({"--blocks", "pairs", "--device", "emulated"}).out)["hash"], pairs["hash"]);
+  EXPECT_THAT(with({"--blocks", "strong"}).err, testing::HasSubstr("choose --blocks pairs --solver si"));
+  EXPECT_THAT(solve({"--blocks", "pairs", "--form", "bodies"}).err,
+              testing::HasSubstr("choose --blocks pairs --solver si"));
+}
+
+TEST_F(Sweeps, StepsInBlocksAreSaidAndAnotherIteration) {
+  const auto step = [&](const Words& more) {
+    Words words{"step", "stack", "--envs", "2", "--steps", "30", "--json", "-"};
+    words.insert(words.end(), more.begin(), more.end());
+    return run_stiction(words);
+  };
+  const Json plain = Json::parse(step({}).out), pairs = Json::parse(step({"--blocks", "pairs"}).out);
+  EXPECT_FALSE(plain.contains("blocks"));
+  EXPECT_EQ(pairs["blocks"], "pairs");
+  EXPECT_NE(pairs["hash"], plain["hash"]);
+  EXPECT_EQ(Json::parse(step({"--blocks", "pairs", "--device", "emulated"}).out)["hash"], pairs["hash"]);
+  EXPECT_THAT(step({"--blocks", "pairs", "--solver", "newton"}).err, testing::HasSubstr("blocks are of sweeps"));
+  const Words kept{"--blocks", "pairs", "--checkpoint", folder_ / "run.h5"};
+  EXPECT_EQ(step(kept).status, 0);
+  EXPECT_THAT(step({"--checkpoint", folder_ / "run.h5"}).err, testing::HasSubstr("blocks"));
 }
 
 TEST_F(Sweeps, WhatIsNotReproducibleSaysSo) {

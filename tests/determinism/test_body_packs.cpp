@@ -68,11 +68,18 @@ struct Setting {
   Index substeps;
   double tolerance;
   bool warm;
+  BlockMode blocks = BlockMode::cones;
 };
 
-constexpr Setting kSettings[] = {{Law::coulomb, true, 1, 1e-3, false}, {Law::coulomb, false, 3, 0, true},
-                                 {Law::convex, true, 2, 1e-5, true},   {Law::convex, false, 1, 1e-2, false},
-                                 {kBoxFriction, true, 2, 1e-4, true},  {kBoxFriction, false, 1, 1e-3, false}};
+constexpr Setting kSettings[] = {{Law::coulomb, true, 1, 1e-3, false},
+                                 {Law::coulomb, false, 3, 0, true},
+                                 {Law::convex, true, 2, 1e-5, true},
+                                 {Law::convex, false, 1, 1e-2, false},
+                                 {kBoxFriction, true, 2, 1e-4, true},
+                                 {kBoxFriction, false, 1, 1e-3, false},
+                                 {Law::coulomb, true, 1, 1e-3, true, BlockMode::pairs},
+                                 {Law::convex, false, 2, 1e-4, false, BlockMode::pairs},
+                                 {kBoxFriction, true, 1, 0, false, BlockMode::pairs}};
 
 template <class Real>
 void expect_packs_change_nothing(const Setting& setting) {
@@ -85,6 +92,7 @@ void expect_packs_change_nothing(const Setting& setting) {
   options.momentum = setting.momentum;
   options.substeps = setting.substeps;
   options.tolerance = setting.tolerance;
+  options.blocks = setting.blocks;
   options.iterations = 41;  // chunks of 16, 16 and 9
   options.threads = 1;
   options.invalid = InvalidPolicy::isolate;
@@ -127,7 +135,8 @@ TEST(BodyPacks, AnEnvironmentHasTheBitsOfACallOfItsOwn) {
   for (const char* name : usable_isas()) {
     const ScopedIsa isa(name);
     for (const Setting& setting : kSettings) {
-      SCOPED_TRACE(std::string(name) + ", law " + std::to_string(static_cast<int>(setting.law)));
+      SCOPED_TRACE(std::string(name) + ", law " + std::to_string(static_cast<int>(setting.law)) + ", " +
+                   to_string(setting.blocks));
       expect_packs_change_nothing<float>(setting);
       expect_packs_change_nothing<double>(setting);
     }

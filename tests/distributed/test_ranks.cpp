@@ -65,6 +65,12 @@ TEST(Ranks, ConvexLawWithoutMomentumRelaxed) {
   expect_one_answer(batch_of(wall()), how);
 }
 
+TEST(Ranks, ContactsInPairs) {
+  Case how = sweeps(60);
+  how.options.blocks = BlockMode::pairs;
+  expect_one_answer(batch_of(wall()), how);
+}
+
 TEST(Ranks, BoxedFriction) {
   Case how = sweeps(60);
   how.options.box_friction = true;

@@ -70,6 +70,7 @@ BodySolverOptions body_options(Bytes& bytes) {
   options.omega = bytes.one_of(kOmegas);
   options.substeps = 1 + bytes.below(3);
   options.max_contacts_per_env = bytes.once_in(4) ? 2 : 0;
+  options.blocks = options.method == BodyMethod::impulses && bytes.once_in(4) ? BlockMode::pairs : BlockMode::cones;
   options.threads = 1;
   options.invalid = InvalidPolicy::isolate;
   return options;

@@ -96,6 +96,7 @@ TEST(DeviceBodies, AnEmulatedDeviceGivesTheCpusBits) {
     for (const bool momentum : {false, true}) {
       BodySolverOptions options = quick(law);
       options.momentum = momentum;
+      options.blocks = momentum == (law == Law::convex) ? BlockMode::pairs : BlockMode::cones;
       expect_same(solve_bodies(mixed_batch<float>(), {}, options),
                   solve_bodies(mixed_batch<float>(), {}, options, Device::emulated()));
       expect_same(solve_bodies(mixed_batch<double>(), {}, options),

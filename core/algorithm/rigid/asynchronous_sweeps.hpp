@@ -59,7 +59,7 @@ Real sweep_dealt(TeamT& team, const BodyEnv<Real>& env, const ContendedBodies<Re
   team.deal(items * sweeps, items, [&](Offset k) {
     const Index first = static_cast<Index>(k % items) * kDealtVertices;
     const Index end = first + kDealtVertices < vertices ? first + kDealtVertices : vertices;
-    largest = max_(visit_run(env, s, env.vertex_offsets[first], env.vertex_offsets[end], omega), largest);
+    largest = max_(visit_vertices(env, s, first, end, omega), largest);
   });
   return largest;
 }

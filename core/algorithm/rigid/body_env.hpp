@@ -2,6 +2,7 @@
 
 #include "core/algorithm/rigid/contact_point.hpp"
 #include "core/job/body_job.hpp"
+#include "core/job/cone_blocks.hpp"
 
 namespace stiction::inline STICTION_ISA {
 
@@ -50,6 +51,7 @@ struct BodyEnv {
   const Index* newton_stream;  ///< null without Newton's method
   const Index *contact_order, *sides, *vertex_offsets, *color_offsets, *body_offsets, *body_contacts;
   Index color_count;
+  Index block_visits;  ///< of the contacts of a vertex before a sweep goes on
 
   /// Side 2 p is a of the contact at position p, side 2 p + 1 its b.
   [[nodiscard]] STICTION_HD Index side(Offset side_index) const { return sides[side_index]; }
@@ -100,6 +102,7 @@ STICTION_HD BodyEnv<Real> slice_bodies(const BodyJob<Real>& job, Offset env) {
   v.body_offsets = plan.body_offsets + body + env;
   v.body_contacts = plan.body_contacts + 2 * contact;
   v.color_count = plan.color_count[env];
+  v.block_visits = job.options.blocks == BlockMode::cones ? 1 : kBlockVisits;
   return v;
 }
 

@@ -61,10 +61,25 @@ struct PackSides {
   }
 };
 
+/// The blocks of a pack, by their last positions. Null without blocks.
+template <class T, int W>
+struct PackBlocks {
+  /// How many contacts the block has that ends at a position, in every lane; 0 where none ends.
+  struct Lanes {
+    PackIndices<T, W> count;
+  };
+  const Lanes* ends = nullptr;
+  const Index* longest = nullptr;  ///< of all lanes
+
+  /// The lanes in which the block that ends at `last` has contact p.
+  [[nodiscard]] STICTION_HD PackMask<T, W> has(Index last, Index p) const { return {ends[last].count > last - p}; }
+};
+
 /// Sides as an environment has them, for visit_of().
 template <class T, int W>
 struct PackEnv {
   PackSides<T, W> sides;
+  PackBlocks<T, W> blocks{};
   [[nodiscard]] STICTION_HD LaneSides<T, W> side(Offset side_index) const { return sides.of(side_index); }
 };
 /// Sides of contacts of which both are uniform.

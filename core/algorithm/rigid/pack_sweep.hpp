@@ -49,6 +49,14 @@ STICTION_HD LaneVisit<T, W, kLaw> visit_of(const PackEnv<T, W>& env, const BodyP
   return {{s, p}, a, b, s.twist(s.motion, slot_of(a)), s.twist(s.motion, slot_of(b))};
 }
 
+/// Contacts [first, end), one after the other. Returns the largest step [w].
+template <class Env, class System>
+STICTION_HD auto visit_run(const Env& env, const System& s, Index first, Index end, typename System::Real omega) {
+  typename System::Real largest(0);
+  for (Index p = first; p < end; ++p) largest = max_(visit_contact(env, s, p, omega), largest);
+  return largest;
+}
+
 /// A sweep of a pack from contact `first` on. Returns the largest step of each lane [w].
 template <class T, int W, Law kLaw>
 STICTION_HD Pack<T, W> sweep_from(const PackEnv<T, W>& env, const BodyPack<T, W, kLaw>& s, Index first,
@@ -62,9 +70,29 @@ STICTION_HD Pack<T, W> sweep_from(const PackEnv<T, W>& env, const BodyPack<T, W,
   });
   return largest;
 }
+/// A sweep of a pack in blocks. Each lane does what visit_vertices() does: contacts of a block are visited again once
+/// its last one was. Returns the largest step of each lane [w].
+template <class T, int W, Law kLaw>
+STICTION_HD Pack<T, W> sweep_blocks(const PackEnv<T, W>& env, const BodyPack<T, W, kLaw>& s, Pack<T, W> omega) {
+  Pack<T, W> largest(0);
+  const auto with_sides = [&](Index p, auto&& f) { is_uniform(env, p) ? f(UniformEnv<T, W>{env.sides}) : f(env); };
+  const auto visit_again = [&](const auto& sides, Index last, Index p) {
+    const auto visit = visit_of(sides, s, p);
+    auto step = step_of(s, visit, p, omega);
+    for (auto& d : step.d) d = select(env.blocks.has(last, p), d, Pack<T, W>(0));
+    largest = max_(take_step(s, visit, p, step), largest);
+  };
+  for (Index last = 0; last < s.contacts; ++last) {
+    with_sides(last, [&](const auto& sides) { largest = max_(visit_contact(sides, s, last, omega), largest); });
+    for (Index visit = 1; visit < kBlockVisits; ++visit)
+      for (Index p = last + 1 - env.blocks.longest[last]; p <= last; ++p)
+        with_sides(p, [&](const auto& sides) { visit_again(sides, last, p); });
+  }
+  return largest;
+}
 template <Team TeamT, class T, int W, Law kLaw>
 STICTION_HD Pack<T, W> sweep_bodies(TeamT&, const PackEnv<T, W>& env, const BodyPack<T, W, kLaw>& s, Pack<T, W> omega) {
-  return sweep_from(env, s, 0, omega);
+  return env.blocks.ends != nullptr ? sweep_blocks(env, s, omega) : sweep_from(env, s, 0, omega);
 }
 
 /// The sides of two packs.
@@ -88,10 +116,12 @@ STICTION_HD void visit_run(const EnvPair<Env>& env, const SystemPair<System>& s,
   }
 }
 
-/// One sweep of two packs that alternate.
+/// One sweep of two packs that alternate. In blocks they do not: one follows the other.
 template <Team TeamT, class T, int W, Law kLaw>
-STICTION_HD NumberPair<Pack<T, W>> sweep_bodies(TeamT&, const EnvPair<PackEnv<T, W>>& env,
+STICTION_HD NumberPair<Pack<T, W>> sweep_bodies(TeamT& team, const EnvPair<PackEnv<T, W>>& env,
                                                 const SystemPair<const BodyPack<T, W, kLaw>>& s, Pack<T, W> omega) {
+  if (env.a.blocks.ends != nullptr)
+    return {sweep_bodies(team, env.a, s.a, omega), sweep_bodies(team, env.b, s.b, omega)};
   using Uniform = UniformEnv<T, W>;
   NumberPair<Pack<T, W>> largest{Pack<T, W>(0), Pack<T, W>(0)};
   const Index common = s.a.contacts < s.b.contacts ? s.a.contacts : s.b.contacts;

@@ -169,29 +169,45 @@ STICTION_HD auto visit_contact(const Env& env, const System& s, Index p, typenam
   return take_step(s, visit, p, step_of(s, visit, p, omega));
 }
 
-/// Contacts [first, end), one after the other. Returns the largest step [w].
+/// Contacts of vertices [first, end), one after the other. In blocks those of a vertex are visited several times before
+/// the next vertex. Twists are their motion, so each visit sees what the others have pushed. One loop keeps a lane in
+/// step with its neighbours, whatever their vertices are. Returns the largest step [w].
 template <class Env, class System>
-STICTION_HD auto visit_run(const Env& env, const System& s, Index first, Index end, typename System::Real omega) {
+STICTION_HD auto visit_vertices(const Env& env, const System& s, Index first, Index end, typename System::Real omega) {
   typename System::Real largest(0);
-  for (Index p = first; p < end; ++p) largest = max_(visit_contact(env, s, p, omega), largest);
+  const Index last = env.vertex_offsets[end];
+  const bool in_blocks = env.block_visits > 1;
+  Index vertex = first, visit = 1, begin = env.vertex_offsets[first];
+  Index stop = in_blocks && first < end ? env.vertex_offsets[first + 1] : last;
+  for (Index p = begin; p < last;) {
+    largest = max_(visit_contact(env, s, p, omega), largest);
+    if (++p < stop || !in_blocks) continue;
+    if (visit < env.block_visits && stop - begin > 1) {
+      ++visit;
+      p = begin;
+    } else {
+      visit = 1;
+      begin = stop;
+      if (begin < last) stop = env.vertex_offsets[++vertex + 1];
+    }
+  }
   return largest;
 }
 
-/// Makes one sweep, colour by colour. The vertices of a colour push no body in common and are visited at once, the
-/// contacts of a vertex one after the other. Positions are in that order. Returns the largest step of this lane.
+/// Makes one sweep, colour by colour. The vertices of a colour push no body in common and are visited at once.
+/// Positions are in that order. Returns the largest step of this lane.
 template <Team TeamT, class Env, class System>
 STICTION_HD auto sweep_bodies(TeamT& team, const Env& env, const System& s, typename System::Real omega) {
   using Real = typename System::Real;
   Real largest(0);
   if constexpr (kInterleaved<Real, System::kStride>) {
-    // One lane visits colour after colour; one loop keeps it in step with its neighbours, whatever their colours are.
-    largest = visit_run(env, s, 0, s.contacts, omega);
+    // One lane visits colour after colour.
+    largest = visit_vertices(env, s, 0, env.color_offsets[env.color_count], omega);
   } else {
     for (Index color = 0; color < env.color_count; ++color) {
       const Index first = env.color_offsets[color];
       for_each_tiled(team, env.color_offsets[color + 1] - first, [&](Index k) {
-        for (Index p = env.vertex_offsets[first + k]; p < env.vertex_offsets[first + k + 1]; ++p)
-          largest = max_(visit_contact(env, s, p, omega), largest);
+        largest = max_(visit_vertices(env, s, first + k, first + k + 1, omega), largest);
       });
     }
   }

@@ -169,7 +169,7 @@ class Solver(SolverBase):
     omega: relaxation of sweeps, 0 < omega < 2. stall_window: iterations without progress before it stops, 0: never.
     islands: "together" or "apart" (docs/howto/islands.md).
     blocks: "pairs" or "strong": sweeps of "pgs", "npgs" and "nsgs" solve coupled contacts together, of batches on
-        the host (docs/howto/blocks.md).
+        the host (docs/howto/blocks.md). Sweeps of bodies take "pairs".
     asynchronous: sweeps of bodies by threads that wait for no colour, law "convex", on the CPU. No two runs need have
         equal bits (docs/math/si.md).
     choose: "spectrum" takes a solver for each environment by condition and density of its operator, of batches on the

@@ -139,7 +139,8 @@ class World:
     solver: "npgs" (sequential impulses with momentum, the default), "pgs" (without), "newton" or "multigrid". Bodies
     that lie on others a thousand times lighter need "newton"; `solved` tells where sweeps did not suffice.
     max_iterations: of each step, at most; 4000 by default, in float32 2000. tolerance: on the relative residual, 1e-7 by
-    default, in float32 1e-4; 0: all iterations. omega: relaxation.
+    default, in float32 1e-4; 0: all iterations. omega: relaxation. blocks: "pairs" for "npgs" and "pgs"
+    (docs/howto/blocks.md).
     margin: gap up to which a pair is a contact even if it does not close [m]. warm_start: share of a contact's last
     impulse that its next one starts from, in [0, 1]. max_contacts_per_env: the deepest are solved, 0: all.
     threads: 0: all cores; the bits do not depend on it.
@@ -152,7 +153,8 @@ class World:
                  dtype: str = "float64", dt: float = 0.005, erp: float = 0.2, slop: float = 0.0, cfm: float = 0.0,
                  restitution_threshold: float | None = None, law: str = "coulomb", solver: str = "npgs",
                  max_iterations: int | None = None, tolerance: float | None = None, omega: float = 1.0,
-                 margin: float = 0.01, warm_start: float = 0.95, max_contacts_per_env: int = 0, threads: int = 0):
+                 margin: float = 0.01, warm_start: float = 0.95, max_contacts_per_env: int = 0, threads: int = 0,
+                 blocks: str = "cones"):
         if solver not in _METHODS:
             raise ValueError(f"solver: expected one of {', '.join(_METHODS)}, got {solver!r}")
         self.dtype = str(np.dtype(dtype))
@@ -171,7 +173,8 @@ class World:
         options = _core.Options("npgs" if solver == "multigrid" else solver, None,
                                 number("tolerance", error if tolerance is None else tolerance),
                                 whole("max_iterations", iterations if max_iterations is None else max_iterations), 0,
-                                number("omega", omega), whole("threads", threads), True, "together", 1024, None)
+                                number("omega", omega), whole("threads", threads), True, "together", 1024, None,
+                                blocks=word("blocks", blocks))
         self._core = _core.World(str(device), self.bodies, self.shapes, self.gravity, self.env_count,
                                  _core.BodyOptions(options, solver, law, *self.stepping), number("margin", margin),
                                  number("warm_start", warm_start), self.dtype == "float64")

@@ -41,11 +41,13 @@ inline BodySolverOptions golden_newton(const BodySpaceOptions& space) {
 inline std::vector<GoldenMethod> golden_methods() {
   std::vector<GoldenMethod> methods{{"si momentum", golden_impulses()},  {"si plain", golden_impulses()},
                                     {"si substeps", golden_impulses()},  {"si omega 1.3", golden_impulses()},
-                                    {"si 9 deepest", golden_impulses()}, {"si warm", golden_impulses(), true}};
+                                    {"si 9 deepest", golden_impulses()}, {"si warm", golden_impulses(), true},
+                                    {"si pairs", golden_impulses()}};
   methods[1].options.momentum = false;
   methods[2].options.substeps = 3;
   methods[3].options.omega = 1.3;
   methods[4].options.max_contacts_per_env = 9;
+  methods[6].options.blocks = BlockMode::pairs;
   for (int k = 0; k < kBodyPreconditionerCount; ++k) {
     BodySpaceOptions space;
     space.preconditioner = static_cast<BodyPreconditioner>(k);

@@ -102,12 +102,14 @@ TEST_F(IoSolution, AStatusWithoutItsDetailsIsReadAsZeros) {
   write_solution(at("s.h5"), sample(Precision::f64));
   {
     Spoiler file(at("s.h5"));
-    for (const char* part : {"flags", "iterations", "residual", "residual_absolute", "answered_by"}) file.remove(part);
+    for (const char* part : {"flags", "iterations", "residual", "residual_absolute", "answered_by", "islands"})
+      file.remove(part);
   }
   const SolutionFile solution = read_solution(at("s.h5"));
   ASSERT_EQ(solution.status.size(), 2U);
   EXPECT_EQ(solution.status[1].code, EnvCode::unsupported);
   EXPECT_EQ(solution.status[0].iterations, 0);
+  EXPECT_EQ(solution.status[1].islands, 0);
 }
 
 TEST_F(IoSolution, SolversThatTakeNoContactBatchComeBack) {
