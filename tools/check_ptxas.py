@@ -132,7 +132,7 @@ def planted_object(cubin, flags=0, whole=0):
 
 
 def zstd_frame(content):
-    """Of one block that is stored as it is (RFC 8878, 3.1.1)."""
+    """Returns one block, stored as it is (RFC 8878, 3.1.1)."""
     return struct.pack("<IBI", 0xFD2FB528, 0xA0, len(content)) + (len(content) << 3 | 1).to_bytes(3, "little") + content
 
 

@@ -12,7 +12,7 @@
 /// The lanes of a pack of rigid bodies, and what of their plans the pack keeps of all together.
 namespace stiction::inline STICTION_ISA {
 
-/// What a lane works on.
+/// A lane's environment, and how far it is.
 template <class Real>
 struct BodyLane {
   BodyEnv<Real> env;
@@ -39,7 +39,7 @@ void write_sides(const PackSides<Real, W>& sides, const BodyLane<Real> (&lanes)[
   }
 }
 
-/// Where blocks end in all lanes. Each vertex of several contacts is one.
+/// Writes the ends of blocks of all lanes. Each vertex of several contacts is one.
 template <class Real, int W>
 void write_blocks(std::vector<typename PackBlocks<Real, W>::Lanes>& ends, std::vector<Index>& longest,
                   const BodyLane<Real> (&lanes)[W], LaneSet busy) {

@@ -6,7 +6,7 @@
 
 namespace stiction::cuda {
 
-/// What steps of robots take beside the job, whose pointers are the device's.
+/// Arguments of steps of robots beside the job, whose pointers are the device's.
 template <class Real>
 struct RobotsArgs : LaneRoom {
   ArticulatedJob<Real> job;

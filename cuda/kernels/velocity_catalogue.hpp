@@ -9,7 +9,7 @@
 /// no other kernel is compiled anew when it changes.
 namespace stiction::cuda {
 
-/// Those for environments of up to kMostVelocityDofs.
+/// Adds kernels for environments of up to kMostVelocityDofs.
 template <class Make, class Real>
 void add_velocity_kernels(VelocityKernels& to) {
   to.steps.teams = Make::template kernel<SolveVelocityTeams<Real, Real>>("velocity_newton");
@@ -21,7 +21,7 @@ void add_velocity_kernels(VelocityKernels& to) {
   }
 }
 
-/// Those for larger ones.
+/// Adds kernels for larger ones.
 template <class Make, class Real>
 void add_velocity_part_kernels(VelocityKernels& to) {
   to.steps.in_parts = Make::template kernel<SolveVelocities<Real, Real, true>>("velocity_newton_in_parts");

@@ -67,14 +67,14 @@ def unmatched(some, others, within):
     return some[~near.any(1)]
 
 
-# Errors of MuJoCo's search at a tolerance of 1e-10. Where a centre is inside, its points are those of a polyhedron that
-# grows to a sphere: of its tolerance the square root.
+# Errors of MuJoCo's search at a tolerance of 1e-10. If a centre is inside, its points are those of a polyhedron that
+# grows to a sphere: the square root of its tolerance.
 WITHIN = (1e-9, 1e-7, 2e-5)
 
 
 @pytest.mark.parametrize("margin, gap, size", [(0.0, 0.0, None), (0.01, 0.0, None), (0.01, 0.015, None), (0.01, 0.0, ".14")])
 def test_contacts_of_spheres_are_mujocos(margin, gap, size):
-    """Of larger ones the deepest eight, and records say so."""
+    """Larger ones have the deepest eight, and records say so."""
     model = model_of("sphere", margin, gap, size=size)
     data = poses(model, 3 * COUNT, -.1, .4)
     simulation = lanes(model, data)

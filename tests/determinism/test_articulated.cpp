@@ -9,7 +9,7 @@
 #include "stiction/articulated.hpp"
 #include "stiction/hash.hpp"
 #include "tests/support/error_message.hpp"
-#include "tests/support/machines/scoped_isa.hpp"
+#include "tests/support/machines/same_on_all_kernels.hpp"
 #include "tests/support/systems/walker_states.hpp"
 
 namespace {
@@ -18,7 +18,7 @@ using namespace stiction;
 using namespace stiction::test;
 
 template <class Real>
-std::uint64_t hash_after(bool is_elliptic, bool is_rk4, int threads = 1) {
+std::uint64_t hash_after(bool is_elliptic, bool is_rk4, int threads) {
   ArticulatedOptions options;
   options.tolerance = 1e-5;
   options.threads = threads;
@@ -28,21 +28,12 @@ std::uint64_t hash_after(bool is_elliptic, bool is_rk4, int threads = 1) {
   return robots.hash();
 }
 
-TEST(Articulated, EveryInstructionSetAndWidthGivesTheSameBits) {
+TEST(Articulated, EveryInstructionSetAndWidthAndNumberOfThreadsGivesTheSameBits) {
   for (const bool is_elliptic : {false, true})
     for (const bool is_rk4 : {false, true}) {
-      const std::uint64_t wide = hash_after<double>(is_elliptic, is_rk4),
-                          narrow = hash_after<float>(is_elliptic, is_rk4);
-      for (const char* isa : usable_isas()) {
-        const ScopedIsa scoped(isa);
-        EXPECT_EQ(hash_after<double>(is_elliptic, is_rk4), wide) << isa;
-        EXPECT_EQ(hash_after<float>(is_elliptic, is_rk4), narrow) << isa;
-      }
+      expect_same_on_all_kernels(
+          [&](auto real, int threads) { return hash_after<decltype(real)>(is_elliptic, is_rk4, threads); });
     }
-}
-
-TEST(Articulated, ThreadsChangeNoBit) {
-  EXPECT_EQ(hash_after<double>(true, false, 3), hash_after<double>(true, false));
 }
 
 TEST(Articulated, RobotsRestAndFriendsDoNotReachThem) {
@@ -120,18 +111,12 @@ std::uint64_t observed_after(bool is_elliptic, int threads = 1) {
 }
 
 TEST(Articulated, NoInstructionSetAndNoThreadChangesWhatIsObserved) {
-  for (const bool is_elliptic : {false, true}) {
-    const std::uint64_t wide = observed_after<double>(is_elliptic), narrow = observed_after<float>(is_elliptic);
-    EXPECT_EQ(observed_after<double>(is_elliptic, 3), wide);
-    for (const char* isa : usable_isas()) {
-      const ScopedIsa scoped(isa);
-      EXPECT_EQ(observed_after<double>(is_elliptic), wide) << isa;
-      EXPECT_EQ(observed_after<float>(is_elliptic), narrow) << isa;
-    }
-  }
+  for (const bool is_elliptic : {false, true})
+    expect_same_on_all_kernels(
+        [&](auto real, int threads) { return observed_after<decltype(real)>(is_elliptic, threads); });
 }
 
-/// What holds a robot that rests up is what it weighs, and it acts below the centre of mass.
+/// Contact forces on a robot that rests are its weight, and act below the centre of mass.
 TEST(Articulated, ForcesOfContactsHoldARobotThatRests) {
   const ArticulatedDescription model = with_tendon(true, false);
   ArticulatedBatch<double> robots(model, 2, {1e-9, 100, 1, true});

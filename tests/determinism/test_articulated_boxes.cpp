@@ -7,7 +7,7 @@
 
 #include "stiction/articulated.hpp"
 #include "tests/support/error_message.hpp"
-#include "tests/support/machines/scoped_isa.hpp"
+#include "tests/support/machines/same_on_all_kernels.hpp"
 #include "tests/support/systems/heap.hpp"
 #include "tests/support/systems/walker_states.hpp"
 
@@ -18,7 +18,7 @@ using namespace stiction;
 using namespace stiction::test;
 
 template <class Real>
-std::uint64_t hash_after(int threads = 1) {
+std::uint64_t hash_after(int threads) {
   ArticulatedBatch<Real> robots(heap(), kEnvs, {1e-5, 100, threads});
   for (std::size_t k = 0; k < robots.qvel().size(); ++k) robots.qvel()[k] = static_cast<Real>(number(k));
   robots.step(60);
@@ -26,13 +26,7 @@ std::uint64_t hash_after(int threads = 1) {
 }
 
 TEST(ArticulatedBoxes, InstructionSetsAndThreadsChangeNoBit) {
-  const std::uint64_t wide = hash_after<double>(), narrow = hash_after<float>();
-  EXPECT_EQ(hash_after<double>(3), wide);
-  for (const char* isa : usable_isas()) {
-    const ScopedIsa scoped(isa);
-    EXPECT_EQ(hash_after<double>(), wide) << isa;
-    EXPECT_EQ(hash_after<float>(), narrow) << isa;
-  }
+  expect_same_on_all_kernels([](auto real, int threads) { return hash_after<decltype(real)>(threads); });
 }
 
 TEST(ArticulatedBoxes, EveryPairTouchesSomewhere) {

@@ -10,7 +10,7 @@
 #include "stiction/articulated.hpp"
 #include "stiction/hash.hpp"
 #include "tests/support/error_message.hpp"
-#include "tests/support/machines/scoped_isa.hpp"
+#include "tests/support/machines/same_on_all_kernels.hpp"
 #include "tests/support/systems/walker_states.hpp"
 
 /// Robots with constants of their own.
@@ -68,7 +68,7 @@ ArticulatedBatch<Real> varied_robots(bool is_elliptic, bool is_rk4, const std::v
 }
 
 template <class Real>
-std::uint64_t hash_after(bool is_elliptic, bool is_rk4, int threads = 1) {
+std::uint64_t hash_after(bool is_elliptic, bool is_rk4, int threads) {
   ArticulatedBatch<Real> robots = varied_robots<Real>(is_elliptic, is_rk4, all_envs(), threads);
   robots.step(12);
   return robots.hash();
@@ -77,18 +77,12 @@ std::uint64_t hash_after(bool is_elliptic, bool is_rk4, int threads = 1) {
 TEST(ArticulatedConstants, NoInstructionSetAndNoThreadChangesABit) {
   for (const bool is_elliptic : {false, true})
     for (const bool is_rk4 : {false, true}) {
-      const std::uint64_t wide = hash_after<double>(is_elliptic, is_rk4),
-                          narrow = hash_after<float>(is_elliptic, is_rk4);
-      EXPECT_EQ(hash_after<double>(is_elliptic, is_rk4, 3), wide);
-      for (const char* isa : usable_isas()) {
-        const ScopedIsa scoped(isa);
-        EXPECT_EQ(hash_after<double>(is_elliptic, is_rk4), wide) << isa;
-        EXPECT_EQ(hash_after<float>(is_elliptic, is_rk4), narrow) << isa;
-      }
+      expect_same_on_all_kernels(
+          [&](auto real, int threads) { return hash_after<decltype(real)>(is_elliptic, is_rk4, threads); });
     }
 }
 
-/// Each environment has the bits of a batch whose description has its constants. That tells every number that follows
+/// Each environment has the bits of a batch whose description has its constants. It tells every number that follows
 /// from a constant, and every constant of a neighbour, from the right one.
 TEST(ArticulatedConstants, ARobotIsTheOneThatADescriptionWouldMake) {
   for (const bool is_elliptic : {false, true})

@@ -29,7 +29,7 @@ inline void require_sound_record(const EnvStatus& status) {
 }
 
 /// What one rounding hides of an environment's residual: 2^-53 of the largest |a x| or |y| (docs/math/residual.md,
-/// "Roundings"). Of batches whose normals come first and whose A is stored.
+/// "Roundings"). Batches have their normals first, and A stored.
 template <class Real>
 double hidden_by_rounding(const ContactBatchView<Real>& batch, std::span<const Real> lambda, std::size_t env) {
   double largest = 0;

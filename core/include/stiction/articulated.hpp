@@ -181,7 +181,7 @@ struct ArticulatedOptions {
 
 /// Arrays of the last evaluation of a step, with MuJoCo's names and layouts. With Runge and Kutta's method that is the
 /// fourth; with Euler's it is the state before the step. Sixes have the angular part first, about the centre of mass of
-/// the body's whole tree. Those of the world are zero.
+/// the body's whole tree. The world has zeros.
 enum class ObservedArray : std::uint8_t {
   xpos = 0,           ///< places of bodies [m]                                            (env_count, bodies, 3)
   xipos = 1,          ///< their centres of mass [m]                                       (env_count, bodies, 3)
@@ -205,7 +205,7 @@ struct ArticulatedProbe {
   Index most_rows = 0, most_contacts = 0;    ///< room of an environment
 };
 
-/// Robots of one model, each in a lane of a vector, with everything that a step needs. That is kinematics, inertia,
+/// Robots of one model, each in a lane of a vector, with all that a step needs. It has kinematics, inertia,
 /// forces, contacts, their solve, and the integrator (R. Featherstone, Rigid Body Dynamics Algorithms, 2008; MuJoCo
 /// documentation, "Computation"). An environment's bits depend on description, options, its own state and constants
 /// alone, on whichever device. Up to 64 degrees of freedom.

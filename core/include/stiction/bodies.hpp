@@ -179,8 +179,8 @@ struct BodySolverOptions {
   double absolute_tolerance = 0;             ///< on its absolute residual; solved is where either holds [m/s]
   bool momentum = true;                      ///< Nesterov's, with restart, for sweeps
   double omega = 1.0;                        ///< relaxation, 0 < omega < 2 [-]
-  /// `pairs`: a sweep visits contacts between the same two bodies, up to four, twice before it goes on. Of impulses
-  /// alone. Bodies have no A that `strong` could read.
+  /// `pairs`: a sweep visits contacts between the same two bodies, up to four, twice before it goes on. Newton
+  /// takes none. Bodies have no A that `strong` could read.
   BlockMode blocks = BlockMode::cones;
   /// Under the convex law, by impulses, in one sub-step, on the CPU. Several threads that sweep one environment
   /// together (from 4096 contacts on) wait for no colour, until the last sweeps (docs/math/si.md). No two runs

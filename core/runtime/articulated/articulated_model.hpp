@@ -9,8 +9,8 @@ namespace stiction {
 /// Throws for a description that is out of range or beyond what is stepped in lanes.
 void check_articulated(const ArticulatedDescription& description);
 
-/// A description as kernels read it: constants, and the order of everything. Where a constant varies, the model has
-/// what any number of it needs.
+/// A description as kernels read it: constants, and the order of everything. The model has what any
+/// number of a constant that varies needs.
 template <class T>
 class ArticulatedModel {
  public:

@@ -122,7 +122,7 @@ class LanesSimulation:
         model's and may be written between steps. reset() leaves them.
 
         There are body_mass, body_inertia, geom_friction, pair_friction, actuator_gainprm, actuator_biasprm, dof_damping,
-        dof_armature and dof_frictionloss. Of gainprm and biasprm the first three are there (n, nu, 3). They act as in
+        dof_armature and dof_frictionloss. The first three of gainprm and biasprm are there (n, nu, 3). They act as in
         MuJoCo after mj_setConst, but that inverse weights, which compliances of rows follow, stay the model's.
 
         A simulation with a number that is not finite, or below 0, stays where it is: `failed`. Gains and biases may be

@@ -40,7 +40,7 @@ class _Translated:
 
 
 class VariedConstants:
-    """`arrays`: constants (n, ...) by name, which begin with the model's. Those that the batch has in MuJoCo's layout
+    """`arrays`: constants (n, ...) by name, which begin with the model's. Arrays that the batch has in MuJoCo's layout
     are its own memory."""
 
     def __init__(self, model, names, pairs, core, count):

@@ -9,9 +9,9 @@
 #include <vector>
 
 #include "scenes/body_scenes.hpp"
-#include "stiction/error.hpp"
 #include "stiction/residual.hpp"
 #include "stiction/world_derivative.hpp"
+#include "tests/support/error_message.hpp"
 #include "tests/support/oracles/box_friction_oracle.hpp"
 #include "tests/support/systems/body_systems.hpp"
 #include "tests/support/systems/boxed.hpp"
@@ -191,30 +191,20 @@ TEST(BodiesBoxFriction, HostileNumbersAreFlagged) {
   EXPECT_EQ(smooth.twist[0], 1);
 }
 
-template <class F>
-std::string refusal(const F& call) {
-  try {
-    call();
-  } catch (const Error& error) {
-    return error.what();
-  }
-  return "nothing was refused";
-}
-
 TEST(BodiesBoxFriction, WhatHasNoneRefusesItByName) {
   BodySolverOptions newton = boxed_options();
   newton.method = BodyMethod::newton;
-  EXPECT_THAT(refusal([&] { solve_one(sledge(0.5, 1, 0), newton); }), testing::HasSubstr("solver si"));
+  EXPECT_THAT(error_message([&] { solve_one(sledge(0.5, 1, 0), newton); }), testing::HasSubstr("solver si"));
   BodySolverOptions bad = boxed_options();
   bad.law = static_cast<Law>(2);
-  EXPECT_THAT(refusal([&] { solve_one(sledge(0.5, 1, 0), bad); }), testing::HasSubstr("law = 2"));
+  EXPECT_THAT(error_message([&] { solve_one(sledge(0.5, 1, 0), bad); }), testing::HasSubstr("law = 2"));
   WorldDescription description;
   add_floor(description);
   add_body(description, ShapeKind::box, {0.1, 0.1, 0.1});
   WorldOptions options;
   options.solver = boxed_options();
   World<double> world(Device::cpu(), description, 1, options);
-  EXPECT_THAT(refusal([&] { const WorldStep<double> step(world); }), testing::HasSubstr("box_friction"));
+  EXPECT_THAT(error_message([&] { const WorldStep<double> step(world); }), testing::HasSubstr("box_friction"));
 }
 
 }  // namespace

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
 #include <map>
 #include <set>
 #include <string>
@@ -12,9 +11,9 @@
 #include "core/job/cone_blocks.hpp"
 #include "core/plan/block_places.hpp"
 #include "core/plan/cone_blocks.hpp"
-#include "stiction/error.hpp"
 #include "stiction/residual.hpp"
 #include "tests/support/bits.hpp"
+#include "tests/support/error_message.hpp"
 #include "tests/support/systems/scene_batches.hpp"
 #include "tests/support/systems/small_systems.hpp"
 
@@ -331,47 +330,38 @@ TEST(Blocks, APlanKeepsThem) {
   }
 }
 
-std::string complaint(const std::function<void()>& act) {
-  try {
-    act();
-  } catch (const Error& error) {
-    return error.what();
-  }
-  return "no error";
-}
-
 TEST(Blocks, WhatCannotHaveThemSaysSo) {
   const ContactBatch<double> batch = scene_batch("stack", 2, 2);
   const auto expect_refused = [](const std::string& said, const std::string& part) {
     EXPECT_NE(said.find(part), std::string::npos) << said;
   };
   for (const SolverKind solver : {SolverKind::apgd, SolverKind::automatic})
-    expect_refused(complaint([&] { Solver(Device::cpu(), in_blocks(options(solver, 0, 1), BlockMode::pairs)); }),
+    expect_refused(error_message([&] { Solver(Device::cpu(), in_blocks(options(solver, 0, 1), BlockMode::pairs)); }),
                    std::string("blocks = pairs with solver = ") + to_string(solver) + ": blocks are of sweeps; choose");
   SolverOptions spectrum = in_blocks(options(SolverKind::npgs, 0, 1), BlockMode::pairs);
   spectrum.choose = SolverChoice::spectrum;
-  expect_refused(complaint([&] { Solver(Device::cpu(), spectrum); }), "blocks = pairs with choose = spectrum");
+  expect_refused(error_message([&] { Solver(Device::cpu(), spectrum); }), "blocks = pairs with choose = spectrum");
   SolverOptions unknown = options(SolverKind::npgs, 0, 1);
   unknown.blocks = static_cast<BlockMode>(9);
-  expect_refused(complaint([&] { Solver(Device::cpu(), unknown); }), "blocks = 9: no such mode");
-  expect_refused(complaint([] { block_mode_from_string("boxes"); }), "use one of: cones, pairs, strong");
+  expect_refused(error_message([&] { Solver(Device::cpu(), unknown); }), "blocks = 9: no such mode");
+  expect_refused(error_message([] { block_mode_from_string("boxes"); }), "use one of: cones, pairs, strong");
 
   const Solver plain(Device::cpu(), options(SolverKind::npgs, 0, 1));
   const Solver blocks(Device::cpu(), in_blocks(options(SolverKind::npgs, 0, 1), BlockMode::pairs));
   std::vector<double> lambda(static_cast<std::size_t>(batch.row_count()));
   std::vector<EnvStatus> status(2);
   const SolutionView<double> out{lambda.data(), nullptr, status.data()};
-  expect_refused(complaint([&] { blocks.solve(plain.plan(batch.view()), batch.view(), out); }),
+  expect_refused(error_message([&] { blocks.solve(plain.plan(batch.view()), batch.view(), out); }),
                  "plan was made without blocks and the solver has blocks = pairs");
-  expect_refused(complaint([&] { plain.solve(blocks.plan(batch.view()), batch.view(), out); }),
+  expect_refused(error_message([&] { plain.solve(blocks.plan(batch.view()), batch.view(), out); }),
                  "plan was made with blocks and the solver has blocks = cones");
   ContactBatchView<double> elsewhere = batch.view();
   elsewhere.normal_last = true;
-  expect_refused(complaint([&] { blocks.solve(elsewhere, out); }), "blocks = pairs and normal_last = true");
+  expect_refused(error_message([&] { blocks.solve(elsewhere, out); }), "blocks = pairs and normal_last = true");
   elsewhere = batch.view();
   elsewhere.space = MemorySpace::cuda;  // of the emulated device, which is any memory
   const Solver emulated(Device::emulated(), blocks.options());
-  expect_refused(complaint([&] { emulated.solve(elsewhere, out); }), "blocks are found on the host");
+  expect_refused(error_message([&] { emulated.solve(elsewhere, out); }), "blocks are found on the host");
 }
 
 }  // namespace

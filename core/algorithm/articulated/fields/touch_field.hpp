@@ -7,8 +7,8 @@
 #include "core/algorithm/collision/plane_contacts.hpp"
 
 /// Points at which spheres, capsules and boxes touch a height field. MuJoCo has a point for each of the field's prisms
-/// that is nearer than the margin (MuJoCo documentation, "Collision detection"). Spheres have these. So have capsules,
-/// and their ends that are over the prism as well, as on planes. Boxes touch by corners, the first four below their
+/// that is nearer than the margin (MuJoCo documentation, "Collision detection"). Spheres and capsules have these.
+/// Ends of capsules over the prism are points as well, as on planes. Boxes touch by corners, the first four below their
 /// centre, as on planes, and by ridges and peaks of the field.
 namespace stiction::inline STICTION_ISA {
 

@@ -82,7 +82,7 @@ STICTION_HD void for_each_chain(const DofTree<Set>& tree, F&& f) {
 }
 
 /// Eliminates a chain of kRows rows; ends in a sync. Every lane finds the chain's own entries. Then it takes a column
-/// of the chain at a time, then an ancestor's row. That halves loads and stores, and each entry is changed in the order
+/// of the chain at a time, then an ancestor's row. It halves loads and stores, and each entry is changed in the order
 /// of rows. One lane turns entries into the factor's as it goes; lanes of a team read what others have yet to read.
 template <int kRows, Team TeamT, class Set, class Numbers, class Condition>
 STICTION_HD void eliminate_chain(TeamT& team, const DofTree<Set>& tree, const Numbers& H, const Numbers& inverse,
