@@ -11,7 +11,7 @@ std::vector<T> copied(const auto* array, Offset count) {
   return count == 0 ? std::vector<T>() : std::vector<T>(array, array + count);
 }
 
-/// Whether an array is there and says the same.
+/// Returns true if an array is present and has the same contents.
 template <class T>
 bool equal(const std::vector<T>& kept, const auto* array) {
   return kept.empty() || (array != nullptr && std::equal(kept.begin(), kept.end(), array));

@@ -7,7 +7,7 @@
 
 namespace stiction::c {
 
-/// What a plan of a host batch was made from, to tell whether it still holds.
+/// Structure from which the plan of a host batch was made, to tell if the plan still holds.
 class BodyStructure {
  public:
   /// Copies it from a batch that was planned, and so is sound. `with_depth`: contacts over a capacity are left out by
@@ -15,7 +15,7 @@ class BodyStructure {
   template <class Real>
   BodyStructure(const BodyBatchView<Real>& batch, bool with_depth);
 
-  /// Whether the batch has this very structure. Reads no array that a planned batch does not have.
+  /// Returns true if the batch has this very structure. Reads no array that a planned batch does not have.
   template <class Real>
   [[nodiscard]] bool is_of(const BodyBatchView<Real>& batch) const;
 

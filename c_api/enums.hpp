@@ -20,7 +20,7 @@ stiction_code code_of(ErrorCode code) noexcept;
 Precision precision_of(const char* field, std::int32_t value);
 MemorySpace space_of(const char* field, std::int32_t value);
 Law law_of(const char* field, std::int32_t value);
-/// Of options: what the batch says is no law.
+/// Law of options; without a value it is that of the batch.
 std::optional<Law> law_or_batch(const char* field, std::int32_t value);
 SolverKind solver_of(const char* field, std::int32_t value);
 InvalidPolicy invalid_of(const char* field, std::int32_t value);

@@ -13,7 +13,7 @@ namespace stiction::c {
 /// A number that no handle has had before, and no address of an object either.
 std::uintptr_t next_ticket() noexcept;
 
-/// What texts call a handle.
+/// Names of a handle in texts.
 struct HandleNames {
   const char* argument;
   const char* type;

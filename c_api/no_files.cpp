@@ -3,7 +3,7 @@
 
 namespace {
 
-/// What every file function says in a library built without files.
+/// Error of every file function in a library built without files.
 stiction_code no_files() {
   return stiction::c::guarded([] {
     throw stiction::Error(

@@ -53,7 +53,7 @@ stiction_stepping_solver* make(Precision precision, const Arguments&... argument
   });
 }
 
-/// Where a solver goes, and on which device.
+/// Returns the device that a new solver is for.
 Device device_for(const char* device, stiction_stepping_solver** solver) {
   need(device, "device", "choose auto, cpu, cuda, cuda:N or emulated");
   need(solver, "solver", "give it room for a handle");

@@ -7,7 +7,7 @@
 
 namespace stiction::cli {
 
-/// Whether --solver names sequential impulses: npgs with momentum, of which si is another name, or pgs without
+/// Returns true if --solver names sequential impulses: npgs with momentum, of which si is another name, or pgs without
 /// (docs/math/si.md).
 bool is_sweeping(const std::string& solver);
 
@@ -17,9 +17,9 @@ bool is_sweeping(const std::string& solver);
 void choose_body_method(const std::string& solver, const std::optional<std::string>& preconditioner,
                         BodySolverOptions& options);
 
-/// What contacts obey, from --law: coulomb, convex, or boxed (docs/math/box_friction.md). Called after
-/// choose_body_method(). \throws Error(invalid_argument) for other names, Error(unsupported) for a method that does not
-/// have the law.
+/// Sets the law of contacts from --law: coulomb, convex, or boxed (docs/math/box_friction.md). Called after
+/// choose_body_method(). \throws Error(invalid_argument) for other names, Error(unsupported) for a method that does
+/// not have the law.
 void choose_contact_law(const std::string& law, BodySolverOptions& options);
 
 }  // namespace stiction::cli

@@ -14,7 +14,7 @@ namespace {
               fmt::format("{} and {} cannot be compared: {}", arguments.left.string(), arguments.right.string(), why));
 }
 
-/// Where the environments of both files begin; a file that does not say is read by the other's.
+/// Returns the offsets of environments in both files; a file without them is read by the other's.
 std::vector<Offset> common_offsets(const DiffArguments& arguments, const io::SolutionFile& left,
                                    const io::SolutionFile& right) {
   if (left.lambda.size() != right.lambda.size()) {

@@ -67,7 +67,7 @@ double bytes_of(const scenes::Csr& matrix) {
   return static_cast<double>(matrix.ptr.size() * sizeof(Index) + matrix.val.size() * (sizeof(Index) + sizeof(double)));
 }
 
-/// Of what a batch keeps of an environment: entries of A, J and M, and b and v_free.
+/// Returns the bytes a batch keeps of an environment: entries of A, J and M, and b and v_free.
 double bytes_of(const scenes::SceneEnv& env) {
   const double columns = static_cast<double>(env.system.A.size()) * (sizeof(Index) + sizeof(double));
   const double rows = static_cast<double>(env.system.b.size() + env.v_free.size()) * sizeof(double);

@@ -38,8 +38,8 @@ class Library {
   void* handle_;
 };
 
-/// Where the CUDA device of that number is. NVML numbers devices in another order, and knows nothing of
-/// CUDA_VISIBLE_DEVICES; the driver's interface has the order of the run time.
+/// Returns the PCI bus of the CUDA device with that number. NVML numbers devices in another order, and knows nothing
+/// of CUDA_VISIBLE_DEVICES; the driver's interface has the order of the run time.
 std::string pci_bus_id(const Library& driver, int ordinal) {
   int device = 0;
   char id[32] = {};

@@ -17,7 +17,7 @@ struct GpuUse {
   std::string reason;  ///< why there is no share; empty where there is one
 };
 
-/// Where a meter finds NVIDIA's libraries, and how it samples.
+/// Location of NVIDIA's libraries, and the sampling of a meter.
 struct GpuMeterOptions {
   std::string nvml = "libnvidia-ml.so.1";
   std::string driver = "libcuda.so.1";
@@ -27,7 +27,7 @@ struct GpuMeterOptions {
 };
 
 /// Asks NVML how busy a GPU is from when it is made until end(). Libraries are loaded here and nowhere else, so nothing
-/// is linked with them. Where something is missing there is a reason, and never an exception.
+/// is linked with them. A missing part gives a reason, and never an exception.
 class GpuMeter {
  public:
   explicit GpuMeter(Device device, const GpuMeterOptions& options = {});

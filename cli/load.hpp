@@ -18,7 +18,7 @@ inline constexpr std::size_t kDefectLimit = 1000;
 /// "first sentence (and 3 more)".
 std::string describe(const std::vector<Defect>& defects);
 
-/// What load_batch does about numbers that break a precondition. Broken structure is always refused.
+/// Treatment of numbers that break a precondition, in load_batch. Broken structure is always refused.
 enum class ValueDefects { refuse, keep };
 
 struct LoadedBatch {

@@ -47,7 +47,7 @@ std::optional<double> left_of_addresses() {
 std::optional<double> free_memory() {
   auto system = number_in("/proc/meminfo", "MemAvailable:");
   if (system) *system *= 1024;
-  // What the group has taken counts files that the system keeps in memory and gives up at need, so it is not
+  // The group's use counts files that the system keeps in memory and gives up at need, so it is not
   // subtracted.
   const auto group = number_in("/sys/fs/cgroup/memory.max", "");
   std::optional<double> least;

@@ -47,7 +47,7 @@ std::string first_difference(std::string_view a, std::string_view b) {
   return "nothing";
 }
 
-/// Whether two parts are of one solution.
+/// Throws unless two parts are of one solution.
 void require_same_whole(const Part& first, const Part& part) {
   const io::SolutionShard& a = first.shard;
   const io::SolutionShard& b = part.shard;

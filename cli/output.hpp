@@ -23,8 +23,8 @@ struct OutputOption {
   std::optional<std::filesystem::path> path;
 };
 
-/// \throws Error(invalid_argument) if two of them name one file, or both are standard output ("-"). Whether files are
-/// there already does not matter.
+/// \throws Error(invalid_argument) if two of them name one file, or both are standard output ("-"). Existing files do
+/// not matter.
 void require_distinct(std::initializer_list<OutputOption> outputs);
 
 /// Writes `text` to `path`, "-" meaning standard output. \throws Error(io).

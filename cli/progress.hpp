@@ -10,7 +10,7 @@
 
 namespace stiction::cli {
 
-/// A progress line on stderr, redrawn at 10 Hz by a separate thread. So the work is never slowed by drawing and a long
+/// A progress line on stderr, redrawn at 10 Hz by a separate thread. Drawing hence never slows the work, and a long
 /// step still shows a running clock. Draws nothing unless stderr is a terminal. NO_COLOR is respected.
 class Progress {
  public:

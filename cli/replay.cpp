@@ -33,7 +33,7 @@ SolverOptions options_of(const io::RecordedSolve& recorded, int threads) {
   options.choose = recorded.choose;
   options.spectrum = recorded.spectrum;
   options.threads = threads;
-  // What was recorded because its numbers are broken was isolated then too, or it would not have been solved.
+  // A recording made for its broken numbers was isolated then too, or it would not have been solved.
   options.invalid = InvalidPolicy::isolate;
   return options;
 }

@@ -25,8 +25,8 @@ struct ScalingSeries {
 
   /// How many times the first point's environments per second; none where no time was measured.
   [[nodiscard]] std::optional<double> speedup(const ScalingPoint& point) const;
-  /// The speed-up over how many times the first point's threads there are; 1 is perfect. That holds for strong scaling,
-  /// the same environments, as for weak scaling, where environments grow with the threads.
+  /// The speed-up over how many times the first point's threads there are; 1 is perfect. This holds for strong
+  /// scaling, the same environments, as for weak scaling, where environments grow with the threads.
   [[nodiscard]] std::optional<double> efficiency(const ScalingPoint& point) const;
 };
 
@@ -44,7 +44,7 @@ struct ScalingReport {
   ScalingSeries strong;
   std::optional<ScalingSeries> weak;
 
-  /// Whether every point has the first one's bits.
+  /// Returns true if every point has the first one's bits.
   [[nodiscard]] bool bits_agree() const;
 };
 

@@ -155,7 +155,7 @@ Solution<Real> as_in_file(const SolveInput<Real>& input, const SolverOptions& op
   return solution;
 }
 
-/// What was asked for beside the report: the solution, failures, a curve of convergence.
+/// Outputs beside the report: the solution, failures, a curve of convergence.
 template <class Real>
 void write_outputs(const SolveArguments& arguments, const Solver& solver, const SolveInput<Real>& input,
                    std::optional<Progress>& stage, const SolveReport& report, Solution<Real>& solution) {

@@ -17,7 +17,7 @@
 #include "stiction/io.hpp"
 #include "stiction/pyramid.hpp"
 
-/// What `stiction solve` reads, and what it solves of it.
+/// Input of `stiction solve`, and the part of it that is solved.
 namespace stiction::cli {
 
 /// A batch and a warm start in the precision and the order they are solved in.

@@ -12,7 +12,7 @@ bool takes_jacobian(const SolveArguments& arguments);
 bool is_bodies(const SolveArguments& arguments);
 
 SolverOptions solver_options(const SolveArguments& arguments);
-/// What a solver of bodies is told; the law is that of the batch.
+/// Returns the options of a solver of bodies; the law is that of the batch.
 BodySolverOptions body_options(const SolveArguments& arguments, const SolverOptions& common, Law law);
 /// When a batch is recorded, of --record-when.
 io::RecordWhen record_when(const std::string& text);

@@ -28,7 +28,7 @@ std::map<std::string, std::string> words_of(const std::string& run) {
   return words;
 }
 
-/// What two runs were told that is not the same: "--envs is 2 in the file and 3 here, ...".
+/// Lists arguments in which two runs differ: "--envs is 2 in the file and 3 here, ...".
 std::string differences(const std::string& file, const std::string& here) {
   std::map<std::string, std::array<std::string, 2>> values;
   for (const auto& [name, value] : words_of(file)) values[name][0] = value;

@@ -11,7 +11,7 @@
 
 namespace stiction::cli {
 
-/// Where a run of `stiction step` stands, in a file that a run with the same arguments goes on from.
+/// State of a run of `stiction step`, in a file that a run with the same arguments goes on from.
 class StepCheckpoint {
  public:
   /// `options` and `arguments` say what reaches the run's bits. Without arguments.checkpoint nothing is read or
@@ -23,12 +23,12 @@ class StepCheckpoint {
   template <class Real>
   [[nodiscard]] std::int64_t resume(World<Real>& world) const;
 
-  /// What the file holds of some bodies of each environment, if it is there. \throws as resume
+  /// Reads the file's data of some bodies of each environment, if it is there. \throws as resume
   [[nodiscard]] std::optional<io::CheckpointShare> read(io::CheckpointBodies bodies) const;
 
   /// Null without arguments.checkpoint.
   [[nodiscard]] const std::filesystem::path* path() const;
-  /// Whether the file is to be written after that step.
+  /// Returns true if the file is to be written after that step.
   [[nodiscard]] bool is_due(std::int64_t step) const;
   /// Writes the file after that step, if it is its turn.
   template <class Real>

@@ -9,7 +9,7 @@
 
 namespace stiction::cli {
 
-/// What a step left of one environment.
+/// State of one environment after a step.
 struct EnvSeen {
   WorldMotion motion;
   EnvStatus status;
@@ -25,7 +25,7 @@ std::array<double, 3> push_of_world(const BodyBatchView<Real>& contacts, std::sp
 template <class Real>
 double deepest_of(const BodyBatchView<Real>& contacts, Offset env);
 
-/// What the last step left of all environments.
+/// State of all environments after the last step.
 template <class Real>
 std::vector<EnvSeen> see(const World<Real>& world);
 

@@ -46,7 +46,7 @@ struct StepReport {
   [[nodiscard]] double utilisation() const;
 };
 
-/// What the command ends with: kExitMissed if an environment-step was not finite or not valid.
+/// Returns the exit status: kExitMissed if an environment-step was not finite or not valid.
 int exit_status(const StepReport& report);
 /// As to_json gives it to dump().
 Json json_of(const StepReport& report);

@@ -28,7 +28,7 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-/// What a residual is held against where all iterations are run.
+/// Tolerance for the residual where all iterations are run.
 constexpr double kQualityTolerance = 1e-3;
 
 /// Processor seconds of this process so far.
@@ -207,8 +207,8 @@ StepReport run_steps(const StepArguments& arguments, const WorldOptions& options
 }
 
 void require_world_memory(const StepArguments& arguments, std::int64_t bodies, Precision precision, int ranks) {
-  // State and wrench of a world, and the state that start_all() makes it begin with. What a machine keeps beside them,
-  // and contacts, are more.
+  // State and wrench of a world, and the state that start_all() makes it begin with. Arrays that a machine keeps
+  // beside them, and contacts, come on top.
   constexpr double kNumbers = (3 + 4 + 6) + 6 + (3 + 4 + 6);
   const double of_number = precision == Precision::f32 ? sizeof(float) : sizeof(double);
   const auto all = static_cast<double>(arguments.environments);

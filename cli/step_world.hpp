@@ -35,12 +35,12 @@ class SteppedWorld {
   /// Writes its checkpoint after that step, if it is its turn.
   virtual void write_checkpoint(std::int64_t step) = 0;
   [[nodiscard]] virtual WorldSeconds seconds() = 0;
-  /// Of the environments that the arguments say.
+  /// Returns the hash of the environments that the arguments select.
   [[nodiscard]] virtual std::uint64_t hash() = 0;
 };
 
-/// Makes the steps, and writes states and checkpoints. What concerns the device, the seed and the clock's surroundings
-/// is left to the caller.
+/// Makes the steps, and writes states and checkpoints. The device, the seed and the clock's surroundings are left to
+/// the caller.
 StepReport run_steps(const StepArguments& arguments, const WorldOptions& options, const WorldDescription& description,
                      Device device, SteppedWorld& world);
 

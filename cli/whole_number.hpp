@@ -6,7 +6,7 @@
 
 namespace stiction::cli {
 
-/// A check of an option: a whole number of at least `least`. What 64 bits do not hold is refused here, for CLI11 would
+/// A check of an option: a whole number of at least `least`. Numbers beyond 64 bits are refused here, for CLI11 would
 /// take the largest number that they hold. In a header, as step_options.hpp is.
 inline CLI::Validator whole_number(unsigned long long least = 0) {
   const auto check = [least](std::string& text) {

@@ -31,7 +31,7 @@ std::vector<Brick> build_wall() {
   return bricks;
 }
 
-/// What is right of the crack, a staircase from the lower left to the upper right, leans away: the top goes fastest.
+/// Bricks right of the crack, a staircase from the lower left to the upper right, lean away: the top goes fastest.
 void open_crack(std::vector<Brick>& bricks) {
   for (int k = 0; k < kRows * kColumns; ++k) {
     Brick& brick = bricks[static_cast<std::size_t>(k)];

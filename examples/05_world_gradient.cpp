@@ -23,7 +23,7 @@ stiction::WorldDescription describe() {
   return description;
 }
 
-/// Where the ball ends, and the derivative of that by the speed it starts with.
+/// Returns where the ball ends, and the derivative of that by the speed it starts with.
 struct Throw {
   double end, by_speed;
 };

@@ -123,7 +123,7 @@ SceneEnv needles(Rng& rng, int size) {
         rows.add_contact({kWorld, all[0], bottom + end * axes[0], kUp, 0, 0}, 0.4, group);
       continue;
     }
-    // Where the two axes cross, seen from above.
+    // Point at which the two axes cross, seen from above.
     const Vec3 d = centers[k - 1] - centers[k];
     const double along = cross(d, axes[k - 1]).z / cross(axes[k], axes[k - 1]).z;
     rows.add_contact({all[k - 1], all[k], bottom + along * axes[k], kUp, 0, 0}, 0.4, group);

@@ -185,7 +185,7 @@ Offset bodies_of(const Extent& extent) {
   return Offset{4} * extent.side * extent.side * extent.layers;
 }
 
-/// Bodies first .. end - 1. Of the others those that touch them, which are in their layers or next to them.
+/// Bodies first .. end - 1. The others are those that touch them, in their layers or next to them.
 BodyPart make_packing(std::uint64_t seed, const Extent& extent, Index first, Index end) {
   const ScopedFpEnv fp_env;
   Rng rng(mix_bits(seed) ^ 0x70696c65U);

@@ -17,7 +17,7 @@ class BlockMass {
   /// M^-1 x.
   [[nodiscard]] std::vector<double> solve(std::vector<double> x) const;
   /// A = J M^-1 J' into the system's CSR arrays. Rows that share a block are coupled, even where the value happens to
-  /// be zero. So the pattern is that of the contact graph; A is symmetric to the bit.
+  /// be zero. The pattern is hence that of the contact graph; A is symmetric to the bit.
   void assemble(const Csr& J, Environment<double>& system) const;
 
  private:

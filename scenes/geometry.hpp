@@ -7,7 +7,7 @@
 
 namespace stiction::scenes {
 
-/// Vectors and rotations with the order of every sum written out. Of <cmath> only sqrt is used: it is correctly
+/// Vectors and rotations with the order of every sum written out. Only sqrt of <cmath> is used: it is correctly
 /// rounded everywhere, sin and cos are not.
 struct Vec3 {
   double x = 0, y = 0, z = 0;

@@ -28,8 +28,8 @@ std::vector<std::string> world_names();
 /// a name that is not in world_names(), and for a size that the scene cannot have.
 WorldScene make_world(const std::string& name, int size = 0);
 
-/// Where environment `index` begins: a function of name, size, seed and index alone, with the same bits from every
-/// compiler. \throws as make_world
+/// Returns the start of environment `index`: a function of name, size, seed and index alone, with the same bits from
+/// every compiler. \throws as make_world
 WorldStart start_world(const std::string& name, std::uint64_t seed, std::uint64_t index, int size = 0);
 
 /// Puts environments 0 to world.env_count() - 1 of a world of that scene and size to where they begin.

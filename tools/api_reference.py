@@ -6,8 +6,8 @@
     tools/api_reference.py --self-test   checks that planted ones are found
 
 Public is what the headers declare outside namespace detail: classes and their public members, functions, enumerations
-with their values, constants, types. What the language writes (copies, moves, destructors, defaults) needs no comment.
-A comment behind several names of one type is about each of them.
+with their values, constants, types. Members that the language writes (copies, moves, destructors, defaults) need no
+comment. A comment behind several names of one type is about each of them.
 
 Exit status 0 clean, 1 symbols without a comment, 77 that doxygen is not here (CTest counts it as skipped).
 """
@@ -70,7 +70,7 @@ class Item:
 
 
 def is_written_by_language(item, owner):
-    """Whether a member function is a destructor, a copy, a move or a default."""
+    """Returns true if a member function is a destructor, a copy, a move or a default."""
     arguments = plain(item.node.find("argsstring"))
     name = item.name.rpartition("::")[2]
     return (name.startswith("~") or name == "operator=" or re.search(r"=\s*(default|delete)$", arguments) is not None

@@ -1,4 +1,4 @@
-"""What Doxygen's XML says, as Markdown and as declarations."""
+"""Converts Doxygen's XML to Markdown and declarations."""
 
 import pathlib
 import posixpath

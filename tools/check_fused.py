@@ -5,12 +5,13 @@
     check_fused.py --self-test
 
 Fused is only what says fma_() (docs/explanation/numerics.md, rule 3), but compilers fuse in spite of -ffp-contract=off. GCC 12
-does where its vectoriser of straight-line code puts a sum and a difference of products side by side. So every fused
-instruction of x86 or AArch64 is looked up in the object's line table (-g1, which changes no instruction). What a compiler fuses
-has the line of the sum, so a line with a binary + or - and without fma_() is a finding. What fma_() requested keeps
-the line of fma_() or of its intrinsic. Or it takes that of a negation or a selection that it swallowed, which round
-nothing. An alternating one (vfmaddsub, vfmsubadd) is a lapse wherever it stands, since no body writes one. Exit status
-1 on a finding or where there is no line table, 77 without objdump, which CTest counts as skipped.
+does where its vectoriser of straight-line code puts a sum and a difference of products side by side. Every fused
+instruction of x86 or AArch64 is therefore looked up in the object's line table (-g1, which changes no instruction). An
+instruction that a compiler fuses has the line of the sum, so a line with a binary + or - and without fma_() is a
+finding. An instruction that fma_() requested keeps the line of fma_() or of its intrinsic. Or it takes that of a
+negation or a selection that it swallowed, which round nothing. An alternating one (vfmaddsub, vfmsubadd) is a lapse
+wherever it stands, since no body writes one. Exit status 1 on a finding or where there is no line table, 77 without
+objdump, which CTest counts as skipped.
 """
 
 import argparse
@@ -58,7 +59,7 @@ def source(path):
 
 
 def is_written(path, number, read=source):
-    """Whether the line asks for a fused operation, or holds no sum that a compiler could have fused."""
+    """Returns true if the line asks for a fused operation, or holds no sum that a compiler could have fused."""
     if INTRINSICS.search(path):
         return True
     lines = read(path)
@@ -69,7 +70,7 @@ def is_written(path, number, read=source):
 
 
 def findings(text, label, read=source):
-    """What is fused in a disassembly with line numbers, and what of it was not written: (count, sentences)."""
+    """Fused instructions of a disassembly with line numbers, and those that were not written: (count, sentences)."""
     found, count, function, last = [], 0, "?", ""
     for line in text.splitlines():  # millions, and few are of interest: which kind a line is of shows without a pattern
         if line.startswith("/"):

@@ -33,16 +33,16 @@ REQUIRED_FLAGS = ["--fmad=false", "--prec-div=true", "--prec-sqrt=true", "--ftz=
 MATRIX = {"mma", "wmma", "wgmma", "tcgen05"}
 
 
-# select(x > c, x, c) with a literal c >= +0, which nvcc writes as a maximum with c: the same bits for every x. Where x
-# is NaN both give c, because PTX returns the number when one operand is NaN. Where x is a zero both give c, because
-# PTX orders -0 below +0. Elsewhere there is nothing to choose. So it is with select(x < c, x, c) and a literal c > 0,
+# select(x > c, x, c) with a literal c >= +0, which nvcc writes as a maximum with c: the same bits for every x. If x is
+# NaN both give c, because PTX returns the number when one operand is NaN. If x is a zero both give c, because PTX
+# orders -0 below +0. Elsewhere there is nothing to choose. The same holds for select(x < c, x, c) and a literal c > 0,
 # where a zero x is returned by both. With c = +0 the sign of a zero may differ, which ptx_zero_signs.py follows. A
 # register or a negative literal is not as safe.
 LITERAL_EXTREME = re.compile(r"\bm(?:ax|in)\.(?:f32\s+%\w+,\s*%\w+,\s*0f([0-9A-Fa-f]{8})|f64\s+%\w+,\s*%\w+,\s*0d([0-9A-Fa-f]{16}));")
 
 
 def is_select_with_literal(line):
-    """Whether a line of PTX is a maximum or a minimum with a finite literal >= +0."""
+    """Returns true if a line of PTX is a maximum or a minimum with a finite literal >= +0."""
     match = LITERAL_EXTREME.search(line)
     if not match:
         return False
@@ -52,7 +52,7 @@ def is_select_with_literal(line):
 
 
 def finding(operation, line=""):
-    """What is wrong with one instruction such as `add.f32`, in its line of PTX, or None."""
+    """Returns the fault of one instruction such as `add.f32`, in its line of PTX, or None."""
     if is_select_with_literal(line):
         return None
     parts = operation.split(".")
@@ -102,8 +102,8 @@ def check_text(text, label):
 
 
 def flag_problem(command):
-    """What the floating-point policy misses in a command, or None. Not seen in the PTX: a product and a sum that nvcc
-    fused on its own look like an fma that was written."""
+    """Returns what the floating-point policy misses in a command, or None. Not seen in the PTX: a product and a sum
+    that nvcc fused on its own look like an fma that was written."""
     text = " ".join(command)
     missing = [flag for flag in REQUIRED_FLAGS if flag not in text]
     if missing:

@@ -23,7 +23,7 @@ import sys
 import fatbin
 
 HEADER = ["kernel", "arch", "registers", "stack", "barriers", *fatbin.OPERATIONS, "instructions"]
-# What a kernel may need beyond its line: a share for what moves with any change, nothing for what costs at once.
+# Allowance of a kernel beyond its line: a share for what moves with any change, nothing for what costs at once.
 ALLOWANCE = {"registers": 0.1, "stack": 0.0, "barriers": 0.0, **dict.fromkeys(fatbin.OPERATIONS, 0.1), "instructions": 0.1}
 ENUMERATORS = {"Law": ["convex", "coulomb", "boxed"], "EnvPath": ["empty", "dense", "sparse", "factor"]}
 
@@ -85,7 +85,7 @@ def read_table(text):
 
 
 def compare(found, budget, archs):
-    """What exceeds its line, has none, or has a line and is not there."""
+    """Lists kernels that exceed their line, have none, or have a line and are not there."""
     problems = []
     for key in sorted(found):
         where = f"{key[0]} for sm_{key[1]}"

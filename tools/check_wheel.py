@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Whether a wheel runs on other machines: what its modules ask of the system, and what is inside.
+"""Checks that a wheel runs on other machines: the demands of its modules on the system, and their contents.
 
     check_wheel.py --glibc 2.28 WHEEL.whl
 

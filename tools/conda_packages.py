@@ -4,9 +4,9 @@
     conda_packages.py render|build|stand-ins FOLDER
 
 `build` takes compilers and libraries from conda-forge. `stand-ins` makes packages of the same names in their place. They hold
-nothing where the system's own compiler or library is found in any case, and PyPI's package where one is Python's. That
-runs the recipe's own steps and tests; what conda-forge's packages would do, it does not show.
-The last line is: N passed, M failed, K skipped; exit status 77 where conda-forge is out of reach.
+nothing where the system's own compiler or library is found in any case, and PyPI's package where one is Python's. It
+runs the recipe's own steps and tests; what conda-forge's packages would do, it does not show. The last line is: N
+passed, M failed, K skipped; exit status 77 where conda-forge is out of reach.
 """
 
 import argparse
@@ -25,8 +25,9 @@ SYSTEM = {"gcc_linux-64": "12", "gxx_linux-64": "12", "cmake": "3.25", "ninja": 
           "fmt": "9.1", "nlohmann_json": "3.11", "pip": "23"}
 PYPI = {"nanobind": "2.13", "scikit-build-core": "0.10", "numpy": "1.24"}
 LOG_LINES = 20  # of a script that failed
-# What conda-forge's compilers set when an environment is activated, and a cache that knows the objects of other builds.
-# ccache counts another locale or option as another compile. rattler-build sets LC_ALL, and those builds stop at warnings.
+# Variables that conda-forge's compilers set when an environment is activated, and a cache that knows the objects of
+# other builds. ccache counts another locale or option as another compile. rattler-build sets LC_ALL, and those builds
+# stop at warnings.
 ACTIVATION = """
 export CC=/usr/bin/cc CXX=/usr/bin/c++ CMAKE_ARGS="-DSTICTION_KEEP_LINES=ON -DSTICTION_WARNINGS_AS_ERRORS=ON"
 if command -v ccache > /dev/null; then

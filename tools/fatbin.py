@@ -35,7 +35,7 @@ OPERATIONS = {
 
 
 class FatbinError(Exception):
-    """What is wrong with an object, in a sentence."""
+    """Raised for a broken object, with a sentence."""
 
 
 @dataclasses.dataclass

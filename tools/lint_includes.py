@@ -19,12 +19,12 @@ SOURCE_SUFFIXES = {".hpp", ".cpp", ".cu", ".cuh", ".h", ".inc"}
 SOURCE_FOLDERS = ["core", "cuda", "cpu_fallback", "c_api", "distributed", "cli", "scenes", "bench", "examples", "tools", "tests", "python"]
 
 STD_ANY = "std"
-# What an algorithm or a Team may take from the standard library: types and compile-time facts, no arithmetic.
+# Headers of the standard library for algorithms and Teams: types and compile-time facts, no arithmetic.
 STD_TYPES = {"array", "concepts", "cstddef", "cstdint", "limits", "tuple", "type_traits", "utility"}
 
 PUBLIC = "core/include/stiction"
 IO_PUBLIC = "core/io/include/stiction"
-# What kernels and machines are made of.
+# Folders of kernels and machines.
 KERNEL = [PUBLIC, "core/base", "core/job", "core/team", "core/algorithm"]
 PLANS = ["core/plan/plan.hpp", "core/plan/body_plan.hpp"]
 MACHINE = [*KERNEL, *PLANS, "core/machine"]
@@ -194,7 +194,7 @@ def strip_comments(text, keep_strings=False):
 
 
 def inside(path, folder):
-    """Whether path (relative, posix) is the file `folder` or lies under the folder `folder` ('' is everything)."""
+    """True if path (relative, posix) is the file `folder` or lies under the folder `folder` ('' is everything)."""
     return folder == "" or path == folder or path.startswith(folder + "/")
 
 

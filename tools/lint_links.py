@@ -2,7 +2,7 @@
 """Checks that every relative link of the project's Markdown leads somewhere, and every test that a script names is there.
 
 A link leads to a file or folder of the checkout. Its fragment, where it has one, leads to a heading of that page. The
-rule is GitHub's: lower case, spaces become hyphens, punctuation is left out. Code is not read. What a script calls
+rule is GitHub's: lower case, spaces become hyphens, punctuation is left out. Code is not read. A script's
 unit_test_solver, or a pattern that begins so, is test_solver.cpp in a folder of tests/unit.
 
     tools/lint_links.py [--root DIR] [--self-test]

@@ -6,11 +6,11 @@ Usage: lint_tidy.py BUILD [--under FOLDER ...] [--jobs N] [FILE ...]
 
 Without files: every C++ source that the build compiles under the folders; those that CMake writes are left out. With
 files, as pre-commit names them: those of them that the build compiles. Headers are checked through the sources that
-include them. A source that is compiled for several processors is checked once. Of a command only what clang needs to
-read the source is kept, so the build's compiler may be GCC.
+include them. A source that is compiled for several processors is checked once. Only the part of a command that clang
+needs to read the source is kept, so the build's compiler may be GCC.
 
 Exit status 0 clean, 1 findings, 77 that clang-tidy or compile_commands.json is not here (CTest counts it as skipped).
-Where files are named, what is not here is no failure.
+If files are named, a missing one is no failure.
 """
 
 import argparse

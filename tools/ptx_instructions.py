@@ -1,4 +1,4 @@
-"""Instructions of PTX as statements of C++ (NVIDIA, "PTX ISA", version 9.0, section 9). What each does is said in
+"""Instructions of PTX as statements of C++ (NVIDIA, "PTX ISA", version 9.0, section 9). Each is described in
 tests/ptx/operations.hpp.
 """
 
@@ -6,8 +6,8 @@ from ptx_text import ATOMICS, BYTES, COMPARISONS, FLOATS, UNORDERED, cpp, identi
 
 
 class Instructions:
-    """op_<name>(modifiers, operands) is the C++ of an instruction, or None for a form that is not known. What reads and
-    writes operands is the function's that they are in."""
+    """op_<name>(modifiers, operands) is the C++ of an instruction, or None for a form that is not known. Operands are
+    read and written by the function that they are in."""
 
     def op_bra(self, _, o):
         return f"goto {identifier(o[0])};"

@@ -17,7 +17,7 @@ ATOMICS = ("add", "or", "and", "max", "min", "exch")
 
 
 class PtxError(Exception):
-    """What cannot be translated, in a sentence."""
+    """Raised for text that cannot be translated, with a sentence."""
 
 
 def cpp(kind):

@@ -1,9 +1,9 @@
-"""Where the sign of a zero may differ between PTX and host, because nvcc wrote select(x < 0, x, 0) as min(x, +0).
+"""Finds where the sign of a zero may differ between PTX and host, because nvcc wrote select(x < 0, x, 0) as min(x, +0).
 
 The minimum of -0 and +0 is -0 in PTX, and +0 on the host. Nothing else differs: where x is NaN both give +0. `reached`
 follows such zeros through a function. A product of a number with itself, or with a multiple of itself, has a sign that
 does not depend on them. Neither has a sum with +0, and a comparison does not see them. Any other sum or product, and a
-copy, pass them on. What is stored, divided by, or handed to a function while they are in it is a finding.
+copy, pass them on. A value that is stored, divided by, or handed to a function while they are in it is a finding.
 """
 
 import re
@@ -46,7 +46,7 @@ class Function:
         self.open = set()
 
     def is_multiple(self, product, of):
-        """Whether a register is always a closed number times another register."""
+        """Returns true if a register is always a closed number times another register."""
         made = self.made_by.get(product, [])
         if len(made) != 1 or made[0].name != "mul" or not made[0].is_float:
             return False
@@ -54,13 +54,13 @@ class Function:
         return (right == of and left not in self.open) or (left == of and right not in self.open)
 
     def closes(self, left, right):
-        """Whether the sign of a product does not depend on the open zeros of its factors."""
+        """Returns true if the sign of a product does not depend on the open zeros of its factors."""
         if left not in self.open and right not in self.open:
             return True
         return left == right or self.is_multiple(left, right) or self.is_multiple(right, left)
 
     def passes_on(self, one):
-        """Whether an instruction leaves its result open. None: it must not be given open numbers."""
+        """Returns true if an instruction leaves its result open. None: it must not be given open numbers."""
         if one.is_zero_minimum():
             return True
         if not self.open.intersection(one.sources) or one.name in NOT_SEEN:

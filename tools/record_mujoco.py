@@ -175,7 +175,7 @@ class Observer:
         return self.snapshot
 
     def system(self):
-        """What look() found, or None if it is not finite."""
+        """Returns the result of look(), or None if it is not finite."""
         system = extract(self.tight, self.snapshot)
         return system if all(np.isfinite(getattr(system, f.name)).all() for f in fields(system)) else None
 

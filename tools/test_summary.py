@@ -3,10 +3,10 @@
 
 Usage: test_summary.py JUNIT.xml        (ctest --output-junit JUNIT.xml)
 
-A program of GoogleTest, unittest or pytest that CTest runs as one test counts as its single cases. So a case skipped
-inside a program that passed is not lost. A program without a framework says what it left out in lines `SKIPPED: why`.
-What a build leaves out are separate tests (stiction_not_built in cmake/dependencies.cmake). Exit status 1 when
-something failed or nothing ran.
+A program of GoogleTest, unittest or pytest that CTest runs as one test counts as its single cases. A case skipped
+inside a program that passed is hence not lost. A program without a framework says what it left out in lines `SKIPPED:
+why`. Parts that a build leaves out are separate tests (stiction_not_built in cmake/dependencies.cmake). Exit status 1
+when something failed or nothing ran.
 """
 
 import argparse
@@ -112,7 +112,7 @@ def count(case):
 
 
 def last_lines(case):
-    """What a failed <testcase> printed last: enough to know what went wrong where only a log's end is kept."""
+    """Returns the last lines of a failed <testcase>: enough to know what went wrong where a log's end is kept."""
     return [line[:300] for line in (case.findtext("system-out") or "").splitlines() if line.strip()][-LAST_LINES:]
 
 

@@ -1,7 +1,7 @@
 """Boxed friction, the law of physics engines, as their solvers take it.
 
 A normal row has 0 <= x, 0 <= w and x w = 0. A row of friction stays within mu times the reaction of its contact's
-normal row. w = 0 inside, w >= 0 at the lower bound, w <= 0 at the upper one, each direction separately. That is not
+normal row. w = 0 inside, w >= 0 at the lower bound, w <= 0 at the upper one, each direction separately. This is not
 the cone of contact batches (docs/math/contact_problem.md), neither under Coulomb's law nor under the convex one.
 """
 

@@ -24,7 +24,7 @@ def finite(value, digits=3):
 
 
 def verdict(problems, answer, goal):
-    """What the judge finds, as columns of an entry: nothing here is believed of what the solver says."""
+    """Columns of an entry that the judge fills: nothing here is believed of what the solver says."""
     with h5py.File(problems.path) as batch:
         residual = residuals(batch, answer.reaction, problems.law)
     solved = residual <= SLACK * goal
@@ -58,8 +58,8 @@ class Course:
         self.order = np.random.default_rng(problems.environments).permutation(problems.environments)
 
     def run(self, goal):
-        """The entry. Of the entrant's settings, one after the other, each environment keeps the first answer that is solved, or
-        the best. Only those that a tighter setting may help are asked again."""
+        """The entry. The entrant's settings run one after the other; each environment keeps the first solved answer,
+        or the best. Only those that a tighter setting may help are asked again."""
         first = answer = ask = None
         for setting in self.entrant.settings(goal):
             if answer is None:

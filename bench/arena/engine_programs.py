@@ -16,7 +16,7 @@ SOLVED, LATE, CRASHED = 0, -1, -2
 
 
 def ask(*words):
-    """What pkg-config says, or None."""
+    """Returns pkg-config's output, or None."""
     try:
         done = subprocess.run(["pkg-config", *words], capture_output=True, text=True)
     except FileNotFoundError:

@@ -16,7 +16,7 @@
 #include <string>
 #include <vector>
 
-/// What the programs around physics engines share: problems in, answers and times out.
+/// Shared by the programs around physics engines: problems in, answers and times out.
 ///
 ///     PROGRAM SOLVER ITERATIONS SECONDS IN OUT
 ///
@@ -44,7 +44,7 @@ struct BoxedLcp {
   int rows() const { return static_cast<int>(b.size()); }
 };
 
-/// What one call leaves. Times in seconds.
+/// Results of one call. Times in seconds.
 struct Call {
   double solve = 0, form = 0;
   bool claimed = true;
@@ -66,8 +66,8 @@ T number(const std::string& text) {
   return value;
 }
 
-/// The wall clock of what is short, since asking for the processor's costs as much as a small solve. Of what is long
-/// it is the lesser of both, so that other programs' turns do not count.
+/// The wall clock of what is short, since asking for the processor's costs as much as a small solve. For long
+/// intervals it is the lesser of both, so that other programs' turns do not count.
 class Stopwatch {
  public:
   [[nodiscard]] double seconds() const {
@@ -121,7 +121,7 @@ Call timed(const BoxedLcp& problem, double seconds, const Solve& solve) {
   return last;
 }
 
-/// What a child leaves for its parent in shared memory, and what is written.
+/// Record that a child leaves for its parent in shared memory, and that is written.
 struct Record {
   std::int64_t how;
   double solve, form, reaction[1];

@@ -26,7 +26,7 @@ def problems_in(folder, key):
 
 
 def same_bits(path, problems, answer):
-    """Whether the other run has the same bits; None where there is none."""
+    """Returns true if the other run has the same bits; None if there is none."""
     if not path.exists():
         return None
     return digest(answer_file.read(path, problems.rows, problems.environments).reaction) == digest(answer.reaction)

@@ -1,4 +1,4 @@
-"""What is solved: recorded files, generated scenes, and the same scenes of a seed drawn at run time."""
+"""Problems to solve: recorded files, generated scenes, and the same scenes of a seed drawn at run time."""
 
 import dataclasses
 import pathlib
@@ -65,7 +65,7 @@ class Problems:
 
     @property
     def is_pushed(self):
-        """Whether every cone pushes and does not pull, with boxed friction or with none."""
+        """Returns true if every cone pushes and does not pull, with boxed friction or with none."""
         return bool(np.isin(self.kinds, (UNILATERAL, BOX_FRICTION)).all())
 
 

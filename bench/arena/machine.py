@@ -1,4 +1,4 @@
-"""What a run was made on, and what stands in for another machine."""
+"""Description of the machine of a run, and a stand-in for another machine."""
 
 import pathlib
 import platform
@@ -17,8 +17,8 @@ def processor():
     return f"{model.group(1).strip()}, {count} processors" if model else platform.processor() or platform.machine()
 
 
-# What libraries read that choose their code by the processor: with these they take that of one without AVX. Compiled code
-# that does not choose is the same.
+# Variables read by libraries that choose their code by the processor: with these they choose code without AVX.
+# Compiled code that does not choose is the same.
 OLDER = {"STICTION_ISA": "baseline", "OPENBLAS_CORETYPE": "Nehalem", "MKL_ENABLE_INSTRUCTIONS": "SSE4_2",
          "NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL AVX512_SPR",
          "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX512F,-AVX2_Usable,-AVX2,-FMA_Usable,-FMA,-FMA4"}

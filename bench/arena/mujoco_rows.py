@@ -2,9 +2,9 @@
 
 MuJoCo solves what its own pipeline left in mjData. Here a model of slide joints takes the place of the recorded one,
 one body for each degree of freedom. Its kinematic tree is the one that the pattern of the recorded mass matrices
-implies. So MuJoCo factors M with the sparsity it has for the robot. M, J, free acceleration, target, compliance,
-friction and types are written in; mj_island, mj_factorM, mj_projectConstraint and mj_fwdConstraint are MuJoCo's.
-Whether its answers are right is for the judge to say.
+implies. MuJoCo thus factors M with the sparsity it has for the robot. M, J, free acceleration, target, compliance,
+friction and types are written in; mj_island, mj_factorM, mj_projectConstraint and mj_fwdConstraint are MuJoCo's. The
+judge decides if its answers are right.
 """
 
 import ctypes

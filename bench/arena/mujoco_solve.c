@@ -1,5 +1,5 @@
-// MuJoCo's constraint solvers on contact problems that were not made by its own pipeline. What mj_fwdPosition and
-// mj_makeConstraint would leave behind is written into mjData here. Compiled by mujoco_rows.py, called by way of
+// MuJoCo's constraint solvers on contact problems that were not made by its own pipeline. Results of
+// mj_fwdPosition and mj_makeConstraint are written into mjData here. Compiled by mujoco_rows.py, called by way of
 // ctypes.
 #include <mujoco/mjxmacro.h>
 #include <mujoco/mujoco.h>
@@ -24,7 +24,7 @@ static void* room(size_t count, size_t size) {
   return calloc(count ? count : 1, size);
 }
 
-// Whether one of the rows has an entry in this column.
+// Returns 1 if one of the rows has an entry in this column.
 static int any(const double* column, int stride, int row, int end) {
   while (row < end && column[row * stride] == 0) {
     ++row;
@@ -148,7 +148,7 @@ void peer_start(const mjModel* m, mjData** all, int count, const double* acceler
   }
 }
 
-// What the dual solver needs beforehand, A = J M^-1 J' + R; its memory is taken from the arena and given back.
+// Computes A = J M^-1 J' + R, which the dual solver needs; its memory is taken from the arena and given back.
 void peer_project(const mjModel* m, mjData** all, int count) {
   for (int i = 0; i < count; ++i) {
     const mjtSize before = all[i]->parena;

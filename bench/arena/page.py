@@ -24,7 +24,7 @@ def cells(words, tag="td"):
 
 
 def about(ledger):
-    """What the run was made on and by, as rows."""
+    """Rows that describe the machine and the program of the run."""
     versions = ", ".join(f"{name} {value}" for name, value in ledger["versions"].items())
     rows = [("made", f"{ledger['date']}, by {ledger['command']}"), ("machine", f"{ledger['machine']}: {ledger['processor']}"),
             ("seed of the hidden family", ledger["seed"]),

@@ -1,4 +1,4 @@
-"""What every solver of others has in common: it runs in a process of its own (worker.py) and answers by a file."""
+"""Common to all other solvers: each runs in a process of its own (worker.py) and answers by a file."""
 
 import os
 import pathlib

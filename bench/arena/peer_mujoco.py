@@ -14,7 +14,7 @@ ALIKE = 1e-6  # relative difference of compliances that are to be alike
 
 
 def has_mujocos_compliance(path):
-    """Whether mu_i^2 R_i is the same for all tangential axes of every contact, which MuJoCo's cost takes for granted."""
+    """Returns true if mu_i^2 R_i is the same for all tangential axes of every contact, as MuJoCo's cost assumes."""
     with h5py.File(path) as batch:
         offsets, mu, R = batch["cone_row_ptr"][:], batch["row_param"][:], batch["R"][:]
         for cone in np.flatnonzero(batch["cone_kind"][:] == FRICTION):

@@ -63,7 +63,7 @@ typedef struct {
   double *values, *q, *mu;
 } Problem;
 
-/* What the child leaves for its parent. */
+/* Record that the child leaves for its parent. */
 typedef struct {
   int64_t how;
   double seconds, reaction[];

@@ -162,7 +162,7 @@ def offers(robot, envs, arguments):
 
 
 def seconds_of(entrant, device):
-    """Of one run, by the clock that the entrant has."""
+    """Seconds of one run, by the clock that the entrant has."""
     if not device.startswith("cuda"):
         begin = time.process_time()
         entrant.run()

@@ -1,6 +1,5 @@
-"""What one would write in PyTorch: projected Gauss-Seidel over cones, an accelerated projected gradient and ADMM with
-batched Cholesky factors. All environments of a padded batch go at once, on whatever device the tensors lie. Convex
-law.
+"""Plain PyTorch solvers: projected Gauss-Seidel over cones, an accelerated projected gradient and ADMM with batched
+Cholesky factors. All environments of a padded batch go at once, on whatever device the tensors lie. Convex law.
 
 Coordinates are x = D z with friction cones that are unit cones and cones of mean diagonal 1. The solvers compute the
 natural map |z - P(z - y)| / max|b| after every chunk. They stop when 95 % of the environments have come to the
@@ -33,7 +32,7 @@ class Given:
 
 
 class Peer:
-    """One method on one batch. What a chunk reads and writes is taken once and changed in place: a CUDA graph keeps addresses."""
+    """One method on one batch. A chunk's arrays are allocated once and changed in place: CUDA graphs keep addresses."""
 
     chunk = 10
 
@@ -83,7 +82,7 @@ class Peer:
         self.begin()
 
     def begin(self):
-        """What a method does before its first iteration."""
+        """Prepares a method before its first iteration."""
 
     def motion(self, z):
         return torch.baddbmm(self.b[:, :, None], self.A, z[:, :, None])[:, :, 0]
@@ -125,7 +124,7 @@ class Peer:
         self.look(self.z, self.motion(self.z))
 
     def after_chunk(self):
-        """What a method adapts where it may read numbers."""
+        """Adapts a method's parameters, which needs numbers on the host."""
 
     def solve(self, tolerance, most=2000):
         """Reactions (environments, rows); at most that many iterations."""

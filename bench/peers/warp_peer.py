@@ -1,6 +1,6 @@
 """MuJoCo Warp's constraint solvers (Newton, CG; f32) on padded batches, by way of the slide-joint models of mujoco_rows.py.
 
-What its pipeline leaves in its Data before solve() is written there. That is J (dense), M, free acceleration, target,
+The results of its pipeline are written into its Data before solve(). They are J (dense), M, free acceleration, target,
 compliance, friction, friction loss, and for each contact of each world its rows. On a GPU a solve is captured once and
 launched as a graph, as its documentation advises.
 """

@@ -3,9 +3,9 @@
 //
 //   bench_bodies [--contacts 1000,10000,100000,1000000] [--threads 1,2] [--repeats 3] [--csv PATH]
 //
-// A sweep's time is the difference of two calls, 50 sweeps and 18. So loading, the final judgement and the output are
-// not in it, and two in 32 recomputations of the twists are. One thread is measured in CPU time, several by the wall
-// clock, the least of the repeats each.
+// A sweep's time is the difference of two calls, 50 sweeps and 18. Loading, the final judgement and the output are
+// hence not in it, and two in 32 recomputations of the twists are. One thread is measured in CPU time, several by the
+// wall clock, the least of the repeats each.
 
 #include <algorithm>
 #include <chrono>

@@ -1,5 +1,5 @@
-// What each size class costs, what a model allows it, and what is lost between the classes. Losses go to batches of
-// few environments, to ragged ones, and to planning. Single precision, npgs.
+// Costs of each size class, the bound of a model, and losses between the classes. Losses go to batches of few
+// environments, to ragged ones, and to planning. Single precision, npgs.
 //
 //   bench_classes [--device cpu|cuda|emulated] [--parts classes,envs,ragged,plan] [--threads 1] [--repeats 5]
 //                 [--envs 65536] [--csv PATH]

@@ -1,5 +1,5 @@
-// What a derivative in reverse costs over the solve that it differentiates. Both alternate in one run; the shortest of
-// all repeats counts.
+// Cost of a derivative in reverse, relative to the solve that it differentiates. Both alternate in one run; the
+// shortest of all repeats counts.
 //
 //   bench_derivative [--folder DIR] [--files humanoid,...] [--scenes walker,...] [--form jacobian,contacts]
 //                    [--envs 256] [--tolerance 1e-6] [--precision f32] [--repeats 7] [--threads 1] [--csv PATH]

@@ -1,5 +1,5 @@
-// What taking the islands of one large environment apart is worth. Many independent systems in one environment are
-// solved with IslandMode::together and with IslandMode::apart. Wall clock, for it is about threads.
+// Gain from solving the islands of one large environment apart. Many independent systems in one environment are solved
+// with IslandMode::together and with IslandMode::apart. Wall clock, for it is about threads.
 //
 //   bench_islands [--scene stack] [--islands 200] [--sizes 6] [--seed 7] [--solver npgs] [--tolerance 1e-3]
 //                 [--threads 1,2] [--repeats 7] [--csv PATH]

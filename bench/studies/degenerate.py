@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What every solver does with degenerate input:
+"""Answers of every solver to degenerate input:
 
 * redundant contacts, mass ratios, friction 0 and 2;
 * problems without a solution, singular matrices without compliance;
@@ -9,10 +9,10 @@
 
 Each case is solved by each solver under both laws, in f64 to 1e-6 and in f32 (from numbers rounded to f32 beforehand)
 to 1e-3. Prints one line a failure and exits with 1 if there is one. Failures are that the command line crashed or
-refused the batch, or that an output is missing. So are a reaction or motion that is not finite, and broken numbers
-that are not called `invalid_input`. Prints as well claims that do not hold, and with --strict takes them for failures.
-Such a claim is a status `solved` of a problem that has no solution. Or the judge (without one: `stiction verify`)
-finds more than the tolerance and what it may itself round. To miss the tolerance and to say so is neither.
+refused the batch, or that an output is missing. The same holds for a reaction or motion that is not finite, and broken
+numbers that are not called `invalid_input`. Prints as well claims that do not hold, and with --strict takes them for
+failures. Such a claim is a status `solved` of a problem that has no solution. Or the judge (without one: `stiction
+verify`) finds more than the tolerance and what it may itself round. To miss the tolerance and to say so is neither.
 With --results it writes degenerate.csv and degenerate.md. Needs numpy and h5py; without them it exits with 77.
 """
 
@@ -136,7 +136,7 @@ def cases():
 
 
 def rounding(environment, reaction):
-    """What a judge in f64 may round, over max|b|."""
+    """Rounding allowed to a judge in f64, over max|b|."""
     offsets, columns, values = environment.with_compliance()
     here = np.repeat(np.arange(environment.rows), np.diff(offsets))
     sums = np.bincount(here, np.abs(values * reaction[columns]), environment.rows) + np.abs(environment.b)
@@ -161,7 +161,7 @@ class Bench:
         self.rows, self.failures, self.claims = [], [], []
 
     def residuals(self, batch, answer, solution, where, law, precision):
-        """Of each environment; without a judge the solver's own, after `verify` has counted those above the tolerance."""
+        """Residual of each environment, by the solver if there is no judge, after `verify` counted those above."""
         if self.judge:
             with h5py.File(batch) as file, np.errstate(all="ignore"):
                 return self.judge(file, solution["lambda"].astype("f8"), law)

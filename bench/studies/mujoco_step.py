@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
-"""Where the time of a step inside MuJoCo goes, and what a solver that takes none would leave.
+"""Measures the parts of a step inside MuJoCo, and the gain from a solver that takes no time.
 
     PYTHONPATH=build/python bench/studies/mujoco_step.py [--envs 128] [--steps 10] [--repeats 12] [--robots FOLDER]
         [--cones pyramidal elliptic] [-o FILE.csv]
 
 One thread, the processor's time, microseconds per simulation and step. Simulations begin lying or standing on the
 ground, and mj_step takes them through some steps. From each of those states one step is taken in every way below, in
-turns. Of every step, and of every call of a part, the least of the repeats counts. What is above it is what else the
-machine did.
+turns. The least of the repeats counts, for every step and every call of a part. Time above it belongs to other work of
+the machine.
 
 mj_step: MuJoCo's own, called for one simulation after the other without Python.
 stages: the same by MuJoCo's functions. unsolved: without mj_fwdConstraint, on the accelerations that were there.

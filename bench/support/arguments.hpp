@@ -17,8 +17,8 @@ double to_number(const std::string& name, const std::string& text);
 /// The count that `text`, a value of `name`, says. \throws Error(invalid_argument) if it is none or less than `least`.
 int to_count(const std::string& name, const std::string& text, int least = 1);
 
-/// What a benchmark was asked for: `--name value` pairs, each name one that has a default. `--csv PATH` is always one
-/// of them.
+/// Arguments of a benchmark: `--name value` pairs, each name one that has a default. `--csv PATH` is always one of
+/// them.
 class Arguments {
  public:
   /// \throws Error(invalid_argument) for a name that has no default, or no value.

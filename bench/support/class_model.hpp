@@ -6,7 +6,7 @@
 
 namespace stiction::bench {
 
-/// What a class of environments is measured on, and the least time that a model allows a contact and sweep there. The
+/// Measurement basis of a class of environments, and the least time that a model allows a contact and sweep there. The
 /// models are of this method on machines of one kind each; on other machines the ratio to them says nothing.
 struct ClassModel {
   SizeClass size_class;

@@ -8,7 +8,7 @@
 
 namespace stiction::bench {
 
-/// Where contact systems of a wanted size come from (bench/results/README.md).
+/// Makes contact systems of a wanted size (bench/results/README.md).
 ///   stack   scenes' `stack` of just enough boxes: A is block tridiagonal, so larger systems are sparse
 ///   face    scenes' `adversarial`, crowded face: every contact acts on one body, so A is full at any size
 std::vector<std::string> families();

@@ -21,8 +21,8 @@ struct JacobianCase {
   [[nodiscard]] JacobianBatch<Real> batch(std::size_t count) const;
 };
 
-/// The first environments of a recording of J and M that have rows. Those that have none have no derivative to speak
-/// of.
+/// The first environments of a recording of J and M that have rows. Environments without rows have no derivative to
+/// speak of.
 JacobianCase recorded_case(const std::string& path, std::size_t most);
 
 /// Environments of a scene. R is 1e-4 of the mean diagonal of A, so that reactions are determined.

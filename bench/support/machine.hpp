@@ -6,7 +6,7 @@
 
 namespace stiction::bench {
 
-/// What a number depends on besides the program: processor, cores, kernels in use, compiler, flags, commit (taken from
+/// Facts beside the program that a number depends on: processor, cores, kernels in use, compiler, flags, commit (from
 /// the environment variable STICTION_GIT_ID, which bench/run.sh sets). Pairs of name and value, in a fixed order.
 std::vector<std::pair<std::string, std::string>> describe_machine();
 

@@ -4,8 +4,8 @@
 
 /// Projected Gauss-Seidel as one writes it down first. It goes contact by contact and gathers a row's motion when it
 /// is needed. It solves the normal, then the two tangents on the disk that the fresh normal spans. Original
-/// coordinates, no packs, no tricks; what bench_ratio calls 1. Everything is in raw arrays. So no function of the
-/// standard library is compiled for another instruction set and merged with the rest of the program.
+/// coordinates, no packs, no tricks; what bench_ratio calls 1. Everything is in raw arrays. No function of the
+/// standard library is thus compiled for another instruction set and merged with the rest of the program.
 namespace stiction::bench::STICTION_VARIANT {
 
 template <class Real>

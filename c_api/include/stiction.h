@@ -45,7 +45,7 @@ STICTION_API int32_t stiction_abi_version(void);
 /** Numerics epoch: results keep their bits within one (docs/explanation/numerics.md). */
 STICTION_API int32_t stiction_epoch(void);
 
-/** What the last call that failed on this thread had to say; "" if none did. Valid until the next failure here. */
+/** Message of the last call that failed on this thread; "" if none did. Valid until the next failure here. */
 STICTION_API const char* stiction_last_error(void);
 /** "ok", "invalid_argument", ...; "unknown" for a number that is no code. */
 STICTION_API const char* stiction_code_name(int32_t code);
@@ -260,8 +260,8 @@ STICTION_API stiction_code stiction_stepping_solver_create_jacobian(const char* 
                                                                     const stiction_jacobian_capacity* capacity,
                                                                     const stiction_warm_start_options* warm_start,
                                                                     stiction_stepping_solver** solver);
-/** Makes one for bodies. stepping may be null: defaults. Of the capacity envs, cones (contacts of all environments) and
- * precision are read. */
+/** Makes one for bodies. stepping may be null: defaults. Three fields of the capacity are read: envs, cones (contacts
+ * of all environments) and precision. */
 STICTION_API stiction_code stiction_stepping_solver_create_bodies(const char* device,
                                                                   const stiction_time_stepping* stepping,
                                                                   const stiction_body_options* options,
@@ -295,7 +295,7 @@ STICTION_API stiction_code stiction_stepping_solver_reset_where(stiction_steppin
                                                                 void* stream);
 /** Resets everything. */
 STICTION_API stiction_code stiction_stepping_solver_reset_all(stiction_stepping_solver* solver, void* stream);
-/** What the store did for the first `count` environments, on the host; waits for the stream. */
+/** Copies the store's records of the first `count` environments to the host; waits for the stream. */
 STICTION_API stiction_code stiction_stepping_solver_records(stiction_stepping_solver* solver,
                                                             stiction_warm_start_record* records, int64_t count,
                                                             void* stream);

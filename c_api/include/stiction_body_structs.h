@@ -1,7 +1,7 @@
 #pragma once
 
 /** \file
- * Structs of bodies; included by stiction.h. What they mean in full: docs/howto/bodies.md. */
+ * Structs of bodies; included by stiction.h. Full description: docs/howto/bodies.md. */
 
 #include <stddef.h>
 #include <stdint.h>
@@ -18,7 +18,7 @@ typedef struct stiction_time_stepping {
   double restitution_threshold; /**< slower approach does not bounce, >= 0 [m/s] */
 } stiction_time_stepping;
 
-/** What a body solver is told when it is made. */
+/** Options of a body solver. */
 typedef struct stiction_body_options {
   size_t size;                  /**< sizeof of the struct that the caller has */
   double tolerance;             /**< on the relative residual; 0: all iterations [-] */
@@ -64,7 +64,7 @@ typedef struct stiction_body_view {
   const void* restitution;            /**< in [0, 1] [-] (contact_count) */
 } stiction_body_view;
 
-/** Where a solve of bodies writes; memory and precision are the batch's. */
+/** Outputs of a solve of bodies; memory and precision are the batch's. */
 typedef struct stiction_body_solution {
   size_t size;             /**< sizeof of the struct that the caller has */
   void* impulse;           /**< (normal, tangent 1, tangent 2) on b [N s] (3 * contact_count) */

@@ -1,14 +1,14 @@
 #pragma once
 
 /** \file
- * Structs of derivatives; included by stiction.h. What they mean in full: docs/math/derivative.md. */
+ * Structs of derivatives; included by stiction.h. Full description: docs/math/derivative.md. */
 
 #include <stddef.h>
 #include <stdint.h>
 
 #include "stiction_structs.h"
 
-/** What was noticed about the derivative of one environment; the first five come with zeros. */
+/** Flags of the derivative of one environment; the first five come with zeros. */
 typedef enum stiction_gradient_flag {
   STICTION_GRADIENT_INVALID_INPUT = 1 << 0,   /**< numbers or flags that forbid a solve */
   STICTION_GRADIENT_UNCONVERGED = 1 << 1,     /**< not solved, or its residual is above the limit */
@@ -32,7 +32,7 @@ typedef struct stiction_gradient_status {
   uint32_t reserved;       /**< zero */
 } stiction_gradient_status;
 
-/** What a derivative is told when it is made. */
+/** Options of a derivative. */
 typedef struct stiction_derivative_options {
   size_t size;           /**< sizeof of the struct that the caller has */
   double residual_limit; /**< reactions of a larger relative residual get zeros [-] */

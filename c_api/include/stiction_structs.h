@@ -1,7 +1,7 @@
 #pragma once
 
 /** \file
- * Numbers and structs of the C interface; included by stiction.h. What a field means in full:
+ * Numbers and structs of the C interface; included by stiction.h. Full description of the fields:
  * docs/reference/data_layout.md. */
 
 #include <stddef.h>
@@ -12,7 +12,7 @@
 /** Raised when a program compiled before can no longer use the library. */
 #define STICTION_ABI_VERSION 0
 
-/** What a call returns. */
+/** Result of a call. */
 typedef enum stiction_code {
   STICTION_OK = 0,               /**< done */
   STICTION_INVALID_ARGUMENT = 1, /**< an argument is wrong; the text names it, its value and the remedy */
@@ -30,7 +30,7 @@ typedef enum stiction_precision {
   STICTION_F32 = 0, /**< float */
   STICTION_F64 = 1  /**< double */
 } stiction_precision;
-/** Where arrays are. */
+/** Memory in which arrays lie. */
 typedef enum stiction_space {
   STICTION_SPACE_HOST = 0, /**< memory of the process */
   STICTION_SPACE_CUDA = 1  /**< memory of a CUDA device, or of the emulated one */
@@ -54,7 +54,7 @@ typedef enum stiction_law {
   STICTION_LAW_BOXED = 2      /**< in body options alone: boxed friction (docs/math/box_friction.md) */
 } stiction_law;
 
-/** What to do with an environment whose numbers break a precondition. */
+/** Policy for an environment whose numbers break a precondition. */
 typedef enum stiction_invalid_policy {
   STICTION_INVALID_REJECT = 0, /**< the call fails before anything is changed */
   STICTION_INVALID_ISOLATE = 1 /**< that environment is flagged and gets zeros; the others are solved */
@@ -72,7 +72,7 @@ typedef enum stiction_choice {
   STICTION_CHOICE_SPECTRUM = 1 /**< by condition and density of its operator, then auto where that falls short */
 } stiction_choice;
 
-/** What the mass array of a Jacobian batch holds. */
+/** Contents of the mass array of a Jacobian batch. */
 typedef enum stiction_mass_form {
   STICTION_MASS_MATRIX = 0, /**< M itself, symmetric positive definite */
   STICTION_MASS_FACTOR = 1  /**< the lower Cholesky factor L of M = L L' */
@@ -90,7 +90,7 @@ typedef enum stiction_body_method {
   STICTION_BODY_NEWTON = 1    /**< inexact Newton's method on the bodies' velocities */
 } stiction_body_method;
 
-/** What makes the linear systems of Newton's method easier (docs/math/preconditioners.md). */
+/** Preconditioner of the linear systems of Newton's method (docs/math/preconditioners.md). */
 typedef enum stiction_body_preconditioner {
   STICTION_PRECONDITIONER_DIAGONAL = 0,            /**< diagonal of the matrix */
   STICTION_PRECONDITIONER_BLOCK_DIAGONAL = 1,      /**< each body by itself */
@@ -120,7 +120,7 @@ typedef enum stiction_ordering {
   STICTION_ORDERING_NESTED_DISSECTION = 4           /**< METIS, with a fixed seed */
 } stiction_ordering;
 
-/** What a change of the time step does to a stored reaction (docs/howto/warm_start.md). */
+/** Effect of a change of the time step on a stored reaction (docs/howto/warm_start.md). */
 typedef enum stiction_step_scaling {
   STICTION_STEP_CAPPED = 0,      /**< min(1, dt_prev / dt) */
   STICTION_STEP_NONE = 1,        /**< 1 */
@@ -139,7 +139,7 @@ typedef enum stiction_env_code {
   STICTION_ENV_INFEASIBLE = 7      /**< solved but for contacts that cannot move, which carry nothing */
 } stiction_env_code;
 
-/** What was noticed about one environment; any number of bits at once. */
+/** Flags of one environment; any number of bits at once. */
 typedef enum stiction_env_flag {
   STICTION_FLAG_NON_FINITE_INPUT = 1 << 0,    /**< NaN or infinity in A, b, R or mu, or NaN in a bound */
   STICTION_FLAG_NEGATIVE_FRICTION = 1 << 1,   /**< some mu < 0 */
@@ -191,7 +191,7 @@ typedef struct stiction_worst_contact {
   int32_t reserved; /**< zero */
 } stiction_worst_contact;
 
-/** What a stepping solver's store did for one environment. 16 bytes. */
+/** Record of a stepping solver's store for one environment. 16 bytes. */
 typedef struct stiction_warm_start_record {
   int32_t hits;       /**< cones of the last step that started from a stored reaction */
   int32_t misses;     /**< cones of the last step that started from zero */
@@ -201,7 +201,7 @@ typedef struct stiction_warm_start_record {
 
 /* ---- Options ---- */
 
-/** What a solver is told when it is made. */
+/** Options of a solver. */
 typedef struct stiction_solver_options {
   size_t size;            /**< sizeof of the struct that the caller has */
   double tolerance;       /**< on the relative residual; 0: all iterations [-] */
@@ -233,7 +233,7 @@ typedef struct stiction_capacity {
   int32_t semidefinite; /**< 1: cones of semidefinite will come; 0: none */
 } stiction_capacity;
 
-/** What the store of a stepping solver is told when it is made. */
+/** Options of the store of a stepping solver. */
 typedef struct stiction_warm_start_options {
   size_t size;     /**< sizeof of the struct that the caller has */
   double beta;     /**< part of the last reaction to start from, in (0, 1] [-] */
@@ -282,7 +282,7 @@ typedef struct stiction_batch_view {
   const void* hi;                    /**< upper bound of box rows; 1e20 and above: none [lambda] (row_count) */
 } stiction_batch_view;
 
-/** Where a solve writes; memory and precision are the batch's. */
+/** Outputs of a solve; memory and precision are the batch's. */
 typedef struct stiction_solution {
   size_t size;             /**< sizeof of the struct that the caller has */
   void* lambda;            /**< reactions [lambda] (row_count) */
@@ -347,7 +347,7 @@ typedef struct stiction_jacobian_view {
   const void* hi;                    /**< (row_count) */
 } stiction_jacobian_view;
 
-/** Where a solve of a Jacobian batch writes; memory and precision are the batch's. */
+/** Outputs of a solve of a Jacobian batch; memory and precision are the batch's. */
 typedef struct stiction_jacobian_solution {
   size_t size;             /**< sizeof of the struct that the caller has */
   void* lambda;            /**< reactions [lambda] (row_count) */

@@ -7,8 +7,8 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// Columns of a row, or of rows that are worked on together, that may hold anything but zero. Where none is kept
-/// (kKept = false, words unused) that is every column. Which columns are left out reaches speed alone.
+/// Columns of a row, or of rows that are worked on together, that may hold anything but zero. If none is kept (kKept =
+/// false, words unused) that is every column. Which columns are left out reaches speed alone.
 template <bool kKept>
 struct ColumnSet {
   std::uint64_t* words;

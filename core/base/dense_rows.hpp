@@ -7,7 +7,7 @@
 
 namespace stiction {
 
-/// What is known of how an environment's rows are stored.
+/// Knowledge of how an environment's rows are stored.
 enum class FullRows : std::uint8_t {
   unknown,
   known,  ///< rows_are_full()
@@ -15,15 +15,15 @@ enum class FullRows : std::uint8_t {
 
 inline namespace STICTION_ISA {
 
-/// Whether `count` columns are 0, 1, 2, ... in order.
+/// Returns true if `count` columns are 0, 1, 2, ... in order.
 STICTION_HD bool is_run(const Index* column, Index count) {
   Index off = 0;
   for (Index k = 0; k < count; ++k) off |= column[k] ^ k;
   return off == 0;
 }
 
-/// Whether each of n rows stores all columns in order, row after row without room between, as a dense matrix written
-/// as CSR does. Then no column has to be looked up. Arrays begin at the environment's first row; `row_counts` may be
+/// Returns true if each of n rows stores all columns in order, row after row without room between, as CSR of a dense
+/// matrix does. Then no column has to be looked up. Arrays begin at the environment's first row; `row_counts` may be
 /// null.
 STICTION_HD bool rows_are_full(Index n, const Offset* row_offsets, const Index* row_counts,
                                const Offset* column_offsets, const Index* columns) {

@@ -11,8 +11,8 @@
 namespace stiction {
 
 /// The floating-point environment the algorithms assume: round to nearest, subnormals kept. A process may have lost it
-/// without knowing (loading a library built with relaxed arithmetic sets flush-to-zero). So every thread of a solve
-/// and every public function that computes sets it and puts back what it found
+/// without knowing (loading a library built with relaxed arithmetic sets flush-to-zero). Every thread of a solve and
+/// every public function that computes hence sets it and puts back what it found
 /// (tests/determinism/test_fp_entries.cpp). With SSE the algorithms never use the x87 unit, whose whole environment
 /// takes longer to save and load than a small solve's sweeps. Its rounding is kept in step, so that std::fegetround()
 /// tells the truth. On AArch64 both modes are bits of FPCR, and std::fesetround() leaves flush-to-zero as it is.
@@ -67,8 +67,8 @@ class ScopedFpEnv {
   int rounding_;    ///< of the x87 unit
   unsigned saved_;  ///< control and status of SSE
 #elif defined(__aarch64__)
-  /// Of FPCR: flushed inputs, alternate handling and NEP of FEAT_AFP; flushed halves; the rounding mode; flush-to-zero;
-  /// default NaN (Arm Architecture Reference Manual, FPCR).
+  /// Bits of FPCR: flushed inputs, alternate handling and NEP of FEAT_AFP; flushed halves; the rounding mode;
+  /// flush-to-zero; default NaN (Arm Architecture Reference Manual, FPCR).
   static constexpr std::uint64_t kModes = 0x7U | 1U << 19 | 3U << 22 | 1U << 24 | 1U << 25;
   static void set_control(std::uint64_t value) { asm volatile("msr fpcr, %0" : : "r"(value)); }
 

@@ -115,7 +115,7 @@ template <class T>
 STICTION_HD T min_(T a, T b) {
   return select(a < b, a, b);
 }
-/// What is true of counts of Reals as what is true of Reals, and the other way round.
+/// Converts the truth of counts of Reals into the truth of Reals, and back.
 template <class Real>
 STICTION_HD bool of_reals(bool of_counts) {
   return of_counts;

@@ -37,7 +37,7 @@ ParallelFor sharing(BodyMachine& machine, const BodySolverOptions& options) {
   };
 }
 
-/// Whether a batch is refused for its numbers, which are looked at together with its structure.
+/// Returns true if a batch is refused for its numbers, which are looked at together with its structure.
 bool looks_at_numbers(const BodySolverOptions& options, MemorySpace space) {
   return options.invalid == InvalidPolicy::reject && space == MemorySpace::host;
 }
@@ -236,7 +236,7 @@ void BodySolver::check(const BodyPlan& plan, const BodyBatchView<Real>& batch, c
   check_space(batch);
   check_arrays(batch);
   const BodyPlanData& data = plan.data();
-  // The caller may have written to any array since the plan was made. So nothing is read through one that was not
+  // The caller may have written to any array since the plan was made. Nothing is hence read through one that was not
   // looked at in this call.
   const bool is_looked_at = looks_at_numbers(options_, batch.space);
   std::vector<Defect> defects;

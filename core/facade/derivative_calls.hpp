@@ -5,7 +5,7 @@
 #include "core/job/derivative_job.hpp"
 #include "core/runtime/check/expect.hpp"
 
-/// What calls of Derivative have in common, whatever batch they differentiate.
+/// Common parts of Derivative's calls, whatever batch they differentiate.
 namespace stiction {
 
 inline void check_call(MemorySpace space, Device device, const GradientStatus* status, Offset env_count, Offset count) {

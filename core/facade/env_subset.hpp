@@ -40,7 +40,7 @@ class EnvSubset {
     return view;
   }
   [[nodiscard]] const Real* warm_start() const noexcept { return warm_start_.empty() ? nullptr : warm_start_.data(); }
-  /// Where the members are to be solved to.
+  /// Returns the arrays for the members' solution.
   [[nodiscard]] SolutionView<Real> answer() noexcept {
     return {answer_.lambda.data(), answer_.w.empty() ? nullptr : answer_.w.data(), answer_.status.data()};
   }

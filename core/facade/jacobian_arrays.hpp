@@ -5,7 +5,7 @@
 #include "core/runtime/check/expect.hpp"
 #include "stiction/batch_arrays.hpp"
 
-/// What can be said about a batch of J and M whose arrays are out of sight.
+/// Checks of a batch of J and M whose arrays are out of sight.
 namespace stiction {
 
 inline void check_array(const char* name, const void* array, Offset length) {

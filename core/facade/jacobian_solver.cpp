@@ -87,7 +87,7 @@ void check_count(const char* name, Offset count, Offset room) {
            std::to_string(room) + ": construct it with the JacobianCapacity of the largest batch");
 }
 
-/// What can be said about a batch whose arrays are out of sight.
+/// Checks a batch whose arrays are out of sight.
 template <class Real>
 void check_view(const JacobianBatchView<Real>& batch, const JacobianCapacity& capacity) {
   check_count("env_count", batch.env_count, capacity.envs);

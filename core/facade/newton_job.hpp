@@ -4,7 +4,7 @@
 
 namespace stiction {
 
-/// What Newton's method in velocities is to do of a solve.
+/// Makes the part of a solve that Newton's method in velocities is to do.
 template <class Real>
 VelocityJob<Real> newton_job(const JacobianBatchView<Real>& batch, const SolverOptions& options,
                              const JacobianSolutionView<Real>& solution, const JacobianStart<Real>& start) {

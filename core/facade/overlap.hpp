@@ -111,15 +111,15 @@ auto arrays_of(const BodyBatchView<Real>& batch, const BodySolutionView<Real>& s
                     NamedArray::of("solution.status", solution.status, batch.env_count)};
 }
 
-/// Of a first guess and the outputs. It may be the very array that it is a guess of: an environment's guess is read
-/// before its answer is written.
+/// Refuses overlaps of a first guess and the outputs. It may be the very array that it is a guess of: an environment's
+/// guess is read before its answer is written.
 inline void refuse_overlaps_of_guess(std::span<const NamedArray> outputs, std::size_t guessed,
                                      const NamedArray& guess) {
   for (std::size_t i = 0; i < outputs.size(); ++i)
     if (i != guessed || guess.begin != outputs[i].begin) refuse_overlaps(outputs.subspan(i, 1), std::span(&guess, 1));
 }
 
-/// Of a batch, where its answer goes, and the reactions that it starts from, which are the first output's.
+/// Refuses overlaps of a batch, its answer, and the reactions that it starts from, which are the first output's.
 template <class Batch, class Solution, class Real>
 void refuse_overlaps(const Batch& batch, const Solution& solution, const Real* warm_start) {
   const auto outputs = arrays_of(batch, solution);

@@ -157,7 +157,7 @@ void Solver::solve(const Plan& plan, const ContactBatchView<Real>& batch, const 
     dispatch(&data, batch, solution, warm_start, stream, nullptr);
     return;
   }
-  // The caller may have written to any array since the plan was made. So nothing is read through one that was not
+  // The caller may have written to any array since the plan was made. Nothing is hence read through one that was not
   // looked at in this call.
   const ParallelFor parallel_for = sharing(*machine_, options_);
   std::vector<FullRows> full_rows;
@@ -269,7 +269,7 @@ void Solver::solve_islands(const SolverOptions& options, const PlanData* plan, c
   split.join(solution);
 }
 
-/// What a machine is to solve goes to it. A device plans by itself where there is no plan.
+/// Hands a machine its work. A device plans by itself where there is no plan.
 template <class Real>
 void Solver::run(const SolverOptions& options, const PlanData* plan, const ContactBatchView<Real>& batch,
                  const SolutionView<Real>& solution, const Real* warm_start, StreamRef stream,
@@ -336,7 +336,7 @@ void Solver::synchronize(StreamRef stream) const {
   machine_->synchronize(stream);
 }
 
-/// What both ways of solving ask of where a batch is and its answer goes.
+/// Checks of both ways of solving: memory of the batch and of its answer.
 template <class Real>
 void Solver::check_request(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution,
                            const Real* warm_start) const {

@@ -15,7 +15,7 @@ namespace stiction {
 /// Classes that a solver has found, by the place of the environment (SpectrumRules::keep).
 class KeptClasses {
  public:
-  /// The class of each environment. Those that keep theirs have the structure that they had.
+  /// The class of each environment. Environments that keep theirs have the structure that they had.
   template <class Real>
   std::vector<SpectrumClass> of(const ContactBatchView<Real>& batch, const SpectrumRules& rules,
                                 const ParallelFor& parallel_for) {
@@ -45,7 +45,7 @@ class KeptClasses {
     return kept.found;
   }
 
-  /// Of kinds and sizes of cones, and of the stored columns.
+  /// Returns a hash of the kinds and sizes of cones, and of the stored columns.
   static std::uint64_t structure_hash(const BatchStructure& batch, Offset env) {
     std::vector<double> integers{static_cast<double>(batch.env_rows(env)), static_cast<double>(batch.env_dofs(env))};
     const Offset cone = batch.env_cone_offsets[env], row = batch.env_row_offsets[env];

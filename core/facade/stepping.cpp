@@ -73,7 +73,7 @@ void SteppingSolver<Real>::solve(const ContactBatchView<Real>& batch, const std:
                                  const SolutionView<Real>& solution, StreamRef stream) {
   const ScopedFpEnv fp_env;
   this->check_rows(batch.row_count);
-  // What the solver would refuse must be refused before the store changes.
+  // Batches that the solver would refuse must be refused before the store changes.
   solver_.check(batch, solution);
   this->step(batch, cone_id, dt, solution, stream,
              [&](const Real* guess) { solver_.solve(batch, solution, guess, stream); });

@@ -74,7 +74,7 @@ struct WorldStep<Real>::Parts {
     return options;
   }
 
-  /// What a loss says of the twists that the contacts left, from what it says of the state after the step.
+  /// Returns the loss's derivative by the twists that the contacts left, from that by the state after the step.
   [[nodiscard]] std::vector<double> before_turning(std::span<const Real> twist, std::span<const Real> position) const {
     std::vector<double> bar(twist.begin(), twist.end());
     for (std::size_t slot = 0; slot < bar.size() / 6; ++slot) {
@@ -130,7 +130,7 @@ struct WorldStep<Real>::Parts {
     }
   }
 
-  /// What forces and the twists at the beginning have in common, v_free.
+  /// Adds the terms that forces and the twists at the beginning share, v_free.
   void add_bodies(Offset env, const Pulled& from, const std::vector<double>& twist, WorldGradient<Real>& to) const {
     for (Offset slot = env * body_count; slot < (env + 1) * body_count; ++slot) {
       const double* const bar = from.v_free.data() + 6 * slot;

@@ -67,7 +67,7 @@ class BodyGraph {
   [[nodiscard]] Offset edge_count() const { return edge_count_; }
   [[nodiscard]] const Tally& degrees() const { return degrees_; }
 
-  /// Whether both bodies move.
+  /// Returns true if both bodies move.
   [[nodiscard]] bool is_edge(const Manifold& m) const { return moves(m.body[0]) && moves(m.body[1]); }
   /// The body across from `body`.
   [[nodiscard]] static Index across(const Manifold& m, Index body) { return m.body[0] == body ? m.body[1] : m.body[0]; }

@@ -36,7 +36,7 @@ void ConflictColors::wait(const BodyGraph& graph, Index slot) {
   std::push_heap(queue_.begin(), queue_.end(), kLater);
 }
 
-/// Of the manifolds after `slot`, only some can change. They hold its new colour, or a colour above its old one, which
+/// Only some of the manifolds after `slot` can change. They hold its new colour, or a colour above its old one, which
 /// may be free now.
 void ConflictColors::wait_for_change(const BodyGraph& graph, Index slot, Index before, Index after) {
   const std::uint64_t priority = graph.manifold(slot).priority;

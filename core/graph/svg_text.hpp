@@ -19,7 +19,7 @@ class SvgText {
   /// `anchor` is start, middle or end; the baseline is at `at`.
   void text(Point at, double size, const char* anchor, const std::string& color, const std::string& words,
             bool bold = false);
-  /// What follows until end_group shows `words` when pointed at.
+  /// Text up to end_group shows `words` when pointed at.
   void begin_group(const std::string& words);
   void end_group();
   /// The whole document.

@@ -17,7 +17,7 @@ Csr read_csr(const InputFile& file, const std::string& path, std::size_t rows) {
   return matrix;
 }
 
-/// Refuses columns of J or M that are no degree of freedom of the row's environment. (Those of A are checked by
+/// Refuses columns of J or M that are no degree of freedom of the row's environment. (Columns of A are checked by
 /// stiction::validate with the rest of the problem; J and M are extras that are checked here alone.)
 void check_columns(const InputFile& file, const std::string& path, const Csr& matrix,
                    const std::vector<Offset>& row_offsets, const std::vector<Offset>& dof_offsets) {

@@ -15,7 +15,7 @@ class Words {
     halves_.push_back(static_cast<double>(word >> 32U));
     halves_.push_back(static_cast<double>(word & 0xffffffffU));
   }
-  /// What they add to the checksum with so many words before them.
+  /// Returns their part of the checksum after so many words before them.
   [[nodiscard]] std::uint64_t hash(std::uint64_t before) const {
     return hash_part(std::span<const double>(halves_), 2 * before);
   }

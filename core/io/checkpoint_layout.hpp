@@ -7,7 +7,7 @@
 
 #include "stiction/io.hpp"
 
-/// What a checkpoint's file is made of, for the writer of a whole one and for ranks that write one together.
+/// Parts of a checkpoint's file, for the writer of a whole one and for ranks that write one together.
 namespace stiction::io {
 
 inline constexpr const char* kCheckpointFormat = "world-checkpoint";
@@ -35,7 +35,7 @@ void put_attributes(File& file, const CheckpointHead& head, std::int64_t checksu
   file.attribute("checksum", checksum);
 }
 
-/// What the checksum is made of. Hashes are sums over elements, so writers that each have some of them add up theirs.
+/// Sums that make up the checksum. Hashes are sums over elements, so writers that each have some of them add up theirs.
 struct CheckpointTotals {
   std::vector<Offset> contact_offsets;                   ///< of the whole                           (E + 1)
   std::uint64_t ids = 0;                                 ///< hash_of_ids() of all ids
@@ -43,10 +43,10 @@ struct CheckpointTotals {
   std::array<std::uint64_t, kCheckpointReals> hashes{};  ///< hash_bits() of each array
 };
 
-/// What those contact ids add to the checksum; `first`: ids before them in a file of that many environments.
+/// Returns the part of those contact ids in the checksum; `first`: ids before them in a file of that many environments.
 std::uint64_t hash_of_ids(const CheckpointHead& head, std::size_t environments, std::span<const std::uint64_t> ids,
                           std::uint64_t first);
-/// Of all that a file holds.
+/// Returns the checksum of all that a file holds.
 std::int64_t checksum_of(const CheckpointHead& head, const CheckpointTotals& totals);
 
 /// Makes a complete file that lies beside a checkpoint the checkpoint, when it is on the disk. Parts of the one that

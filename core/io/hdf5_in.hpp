@@ -26,18 +26,18 @@ class InputFile {
   /// Reads the bytes of a file in memory; `name` stands for it in messages.
   InputFile(std::span<const std::byte> image, std::string name);
 
-  /// Whether a group or dataset of that path is there. A link to elsewhere is refused.
+  /// Returns true if there is a group or dataset of that path. A link to elsewhere is refused.
   [[nodiscard]] bool has(const std::string& path) const;
 
   /// A 1-d dataset of f32 or f64, widened exactly. If `length` is given, the array has that length.
   [[nodiscard]] std::vector<double> reals(const std::string& path, std::optional<std::size_t> length = {}) const;
-  /// Whether a dataset's numbers are f32.
+  /// Returns true if a dataset's numbers are f32.
   [[nodiscard]] bool is_single(const std::string& path) const;
   /// A 1-d dataset of integers of any width, every one of which fits T.
   template <class T>
   [[nodiscard]] std::vector<T> integers(const std::string& path, std::optional<std::size_t> length = {}) const;
-  /// Reads a 1-d dataset of integers of any width as 64 bits each. Those of unsigned types may have the top bit set.
-  /// Those of signed types are negative then and refused.
+  /// Reads a 1-d dataset of integers of any width as 64 bits each. Numbers of unsigned types may have the top bit set.
+  /// Numbers of signed types are negative then and refused.
   [[nodiscard]] std::vector<std::uint64_t> bits(const std::string& path, std::optional<std::size_t> length = {}) const;
   /// A dataset of one integer.
   [[nodiscard]] std::int64_t integer(const std::string& path) const;

@@ -27,7 +27,7 @@ std::filesystem::path beside(const std::filesystem::path& path) {
   return temporary;
 }
 
-/// What h5py reads as str.
+/// Returns the type that h5py reads as str.
 Handle variable_text() {
   Handle type(H5Tcopy(H5T_C_S1), H5Tclose);
   H5Tset_size(type.get(), H5T_VARIABLE);
@@ -35,7 +35,7 @@ Handle variable_text() {
   return type;
 }
 
-/// Of a file or a folder.
+/// Forces a file or a folder to the disk.
 void force_to_disk(const std::filesystem::path& path) {
   const int file = open(path.c_str(), O_RDONLY | O_CLOEXEC);
   const bool forced = file >= 0 && fsync(file) == 0;

@@ -45,7 +45,7 @@ void require_dynamics(const Recording& recording) {
   if (!recording.row_target.empty()) require_length("row_target", recording.row_target.size(), arrays.b.size());
 }
 
-/// Whether all of M lies in blocks of that size on the diagonals of environments.
+/// Returns true if all of M lies in blocks of that size on the diagonals of environments.
 bool fits_blocks(const Recording& recording, Offset block) {
   for (std::size_t env = 0; env + 1 < recording.env_dof_offsets.size(); ++env) {
     const Offset first = recording.env_dof_offsets[env], end = recording.env_dof_offsets[env + 1];
@@ -75,8 +75,8 @@ std::vector<Real> part(const std::vector<double>& of, Offset begin, Offset end) 
 /// Degrees of freedom of the largest M that is written out as a dense matrix, of 512 MB.
 constexpr Offset kMostDenseDofs = 8192;
 
-/// M of an environment, block by block, whose lower triangle a solver reads. So it refuses one whose halves differ by
-/// more than rounding, as some of FCLIB's do: it would solve another problem.
+/// M of an environment, block by block, whose lower triangle a solver reads. It therefore refuses one whose halves
+/// differ by more than rounding, as some of FCLIB's do: it would solve another problem.
 std::vector<double> mass_of(const Recording& recording, std::size_t number, Index block) {
   const Offset dof = recording.env_dof_offsets[number], count = recording.env_dof_offsets[number + 1] - dof;
   const Offset width = block == 0 ? count : block;

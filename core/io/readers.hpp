@@ -5,7 +5,7 @@
 
 namespace stiction::io {
 
-/// What an open file holds.
+/// Returns the kind of an open file.
 FileKind kind_of(const InputFile& file);
 
 /// The readers behind read_batch, one per kind.
@@ -19,7 +19,7 @@ CheckpointFile read_checkpoint(const InputFile& file);
 CheckpointHead read_checkpoint_head(const InputFile& file);
 /// Reads the file that names the parts of a checkpoint; `base`: the name that theirs begin with.
 CheckpointParts read_checkpoint_parts(const InputFile& file, std::string& base);
-/// Whether a file is one.
+/// Returns true if a file is one.
 bool is_in_parts(const InputFile& file);
 /// Removes parts of a checkpoint that lie beside it, but for these.
 void remove_parts(const std::filesystem::path& path, const CheckpointParts& but);

@@ -75,7 +75,7 @@ std::int64_t shard_number(const InputFile& file, const std::string& name, std::i
   return *value;
 }
 
-/// What a part of a solution says of the whole. Nothing in a file that holds all environments.
+/// Reads the whole to which a part of a solution belongs. Nothing in a file that holds all environments.
 std::optional<SolutionShard> read_shard(const InputFile& file, const std::vector<Offset>& env_row_offsets) {
   if (!file.integer_attribute("shard_index")) return std::nullopt;
   if (env_row_offsets.empty()) file.refuse_dataset("env_row_ptr", "is missing, 'shard_index' needs it");

@@ -7,7 +7,7 @@ namespace stiction {
 /// Rows and columns of a block of a body-space matrix: three of velocity, three of spin.
 inline constexpr Index kBodyBlock = 6;
 
-/// Where a matrix of blocks has entries. The host decides it in integers; it travels as a stream of integers, in which
+/// Pattern of a matrix of blocks. The host decides it in integers; it travels as a stream of integers, in which
 /// several patterns and tables may follow one another.
 struct BlockPattern {
   Index rows = 0;                  ///< of blocks

@@ -5,13 +5,13 @@
 
 namespace stiction {
 
-/// What templates over the law of contacts take for boxed friction (docs/math/box_friction.md). A cone has a kind that
+/// Value for boxed friction in templates over the law of contacts (docs/math/box_friction.md). A cone has a kind that
 /// says so. Contacts of bodies are all of one kind, and code of the other laws does not know of this one.
 inline constexpr Law kBoxFriction = static_cast<Law>(2);
 /// Laws that contacts of bodies may have.
 inline constexpr int kContactLaws = 3;
 
-/// What the contacts of a solve obey.
+/// Returns the law of a solve's contacts.
 STICTION_HD Law contact_law(const BodySolverOptions& options) {
   return options.box_friction ? kBoxFriction : options.law;
 }

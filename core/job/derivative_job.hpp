@@ -11,7 +11,7 @@ namespace stiction {
 /// Largest option max_unknowns: a square of doubles of 8 GiB.
 inline constexpr Index kMostUnknowns = 32768;
 
-/// What the derivatives of a batch need, as plain data in the memory of the machine that computes them.
+/// Input of the derivatives of a batch, as plain data in the memory of the machine that computes them.
 template <class Real>
 struct DerivativeJob {
   ContactBatchView<Real> batch;
@@ -38,7 +38,7 @@ struct JvpJob : DerivativeJob<Real> {
   SolutionTangentView<Real> changes;
 };
 
-/// What lanes found of an environment, or of a part of one, whose cotangents they pull back.
+/// Result of lanes for an environment, or a part of one, whose cotangents they pull back.
 struct JacobianVjpResult {
   double scale = 0.0;             ///< max|b| of the whole environment, where this is a part; 0: it is the whole  [w]
   double square = 0.0;            ///< of the adjoint's residual, the largest of all sets                         [-]
@@ -48,7 +48,7 @@ struct JacobianVjpResult {
   bool is_answered = true;
 };
 
-/// What is found of environments that are pulled back side by side, before others are looked at one by one.
+/// Results for environments that are pulled back side by side, before others are looked at one by one.
 template <class Real>
 struct JacobianVjpLanes {
   Real* adjoint = nullptr;           ///< a, (32) of docs/math/derivative.md  (count * dof_count)

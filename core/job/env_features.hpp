@@ -4,7 +4,7 @@
 
 namespace stiction {
 
-/// What the choice of a solver under SolverKind::automatic depends on (docs/math/auto.md).
+/// Features on which the choice of a solver under SolverKind::automatic depends (docs/math/auto.md).
 struct EnvFeatures {
   Index rows = 0;
   Offset entries = 0;         ///< multiplications of a product with A: its stored entries, or twice its factor's

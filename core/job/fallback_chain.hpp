@@ -40,8 +40,8 @@ static_assert(fallback_stage(kPivotingStage).solver == SolverKind::lemke);
 static_assert(fallback_stage(kGradientStage).solver == SolverKind::apgd);
 
 /// Iterations of a stage in an environment of `rows` rows; no more than are allowed. The more rows there are, the
-/// longer sweeps go on, since each iteration of what comes after them costs in the order of rows sweeps. Where nothing
-/// that factorises comes after them there is no limit.
+/// longer sweeps go on, since each iteration of what comes after them costs in the order of rows sweeps. There is no
+/// limit if nothing that factorises comes after them.
 STICTION_HD constexpr Index stage_iterations(int stage, Index rows, Index allowed) {
   constexpr Index kSweepsPerRow = 4;
   if (rows > kDirectRows) return allowed;

@@ -48,10 +48,10 @@ STICTION_HD constexpr SolverKind turn_solver(int turn) {
   return static_cast<SolverKind>((kTurnSolvers >> (4 * turn)) & 15U);
 }
 
-/// Whether gradients may come before factorisations, where A has so many stored entries. Ten factorisations are the
-/// fewest after which Newton's method and the interior point were seen to end. All iterations that gradients may have
-/// must cost no more multiplications. So gradients that fail cost about what comes after them costs anyway, however it
-/// ends.
+/// Returns true if gradients may come before factorisations, where A has so many stored entries. Ten factorisations
+/// are the fewest after which Newton's method and the interior point were seen to end. All iterations that gradients
+/// may have must cost no more multiplications. Gradients that fail hence cost about what comes after them costs
+/// anyway, however it ends.
 STICTION_HD constexpr bool is_gradient_cheap(Index rows, Offset entries) {
   constexpr Offset kFewestFactorisations = 10;
   constexpr Offset kEntriesOfARow = 48;  // projections and vectors of an iteration cost so many entries of the product
@@ -60,7 +60,7 @@ STICTION_HD constexpr bool is_gradient_cheap(Index rows, Offset entries) {
   return 3 * gradients <= kFewestFactorisations * rows * rows * rows;  // of rows^3 / 3 multiplications each
 }
 
-/// Whether an environment of at most so many rows may have the early turn at all.
+/// Returns true if an environment of at most so many rows may have the early turn at all.
 STICTION_HD constexpr bool may_take_early_gradients(Index most_rows) {
   return is_gradient_cheap(most_rows < kDirectRows ? most_rows : kDirectRows, 0);
 }

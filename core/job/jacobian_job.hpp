@@ -5,7 +5,7 @@
 
 namespace stiction {
 
-/// What is made of a Jacobian batch, as plain data: the reader's arrays and where results go.
+/// Inputs and outputs of a Jacobian batch, as plain data: the reader's arrays and where results go.
 template <class Real>
 struct JacobianJob {
   JacobianBatchView<Real> batch;
@@ -49,7 +49,7 @@ struct JacobianArrays {
   FactorUse use;
 };
 
-/// What is made of a Jacobian batch whose integers are known to the device that it is on alone.
+/// Inputs and outputs of a Jacobian batch whose integers are known to the device that it is on alone.
 template <class Real>
 struct JacobianBatchJob {
   JacobianBatchView<Real> batch;

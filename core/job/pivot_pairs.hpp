@@ -9,8 +9,8 @@ namespace stiction {
 inline constexpr Index kPairVectors = 15;   ///< doubles of a pair, beside the matrix of pairs x pairs
 inline constexpr Index kPivotVectors = 96;  ///< doubles that an environment has for each row, beside rows x rows
 
-/// Whether the pairs of an environment find room in that: 13 contacts of three rows do, and any number of single rows.
-/// `axes` counts the rows of its cones but the first.
+/// Returns true if the pairs of an environment find room in that: 13 contacts of three rows do, and any number of
+/// single rows. `axes` counts the rows of its cones but the first.
 STICTION_HD constexpr bool pairs_fit(Index rows, Index axes) {
   const Offset pairs = Offset{rows} + axes;
   return pairs * (kPairVectors + pairs) <= Offset{rows} * (kPivotVectors + rows);

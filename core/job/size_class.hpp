@@ -47,7 +47,7 @@ struct ClassLimits {
     for (int k = static_cast<int>(size_class) + 1; k < kSizeClasses; ++k) most = rows[k] > most ? rows[k] : most;
     return most;
   }
-  /// Whether dense environments of any size are of this class.
+  /// Returns true if dense environments of any size are of this class.
   [[nodiscard]] constexpr bool holds(SizeClass size_class) const { return of(size_class) > below(size_class); }
 };
 
@@ -67,8 +67,8 @@ STICTION_HD constexpr SizeClass size_class(EnvPath path, Index rows, const Class
   return static_cast<SizeClass>(smallest);
 }
 
-/// Where an environment stands in the order of execution: class, then size. Environments without a limit are told apart
-/// by the power of two of their rows, dense ones by eighths of their class's limit.
+/// Returns the key of an environment in the order of execution: class, then size. Environments without a limit are
+/// told apart by the power of two of their rows, dense ones by eighths of their class's limit.
 STICTION_HD constexpr int sort_key(SizeClass size_class, Index rows, const ClassLimits& limits = {}) {
   int bucket = 0;
   if (size_class <= SizeClass::factor_warp) {

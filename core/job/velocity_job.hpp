@@ -5,7 +5,7 @@
 
 namespace stiction {
 
-/// What Newton's method in velocities found of an environment, or of a part of one.
+/// Result of Newton's method in velocities for an environment, or for a part of one.
 struct VelocityResult {
   double relative = 0.0;    ///< largest error of a contact over its island's scale    [-]
   double absolute = 0.0;    ///< largest error of a contact                            [w]

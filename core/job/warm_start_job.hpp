@@ -14,7 +14,7 @@ struct WarmStartEntry {
 };
 static_assert(sizeof(WarmStartEntry) == 16);
 
-/// Where one environment's stored cones are.
+/// Slot of one environment's stored cones.
 struct WarmStartSlot {
   Offset first_cone;  ///< in WarmStartMemory::stored
   Offset first_row;   ///< in WarmStartMemory::lambda

@@ -9,9 +9,9 @@ inline constexpr Index kDirectRows = 1024;
 /// The most that a caller may say: a matrix of 8 GiB.
 inline constexpr Index kMostDirectRows = 32768;
 
-/// What a method keeps beside the system. Vectors and matrices of double are for methods that factorise: whatever the
+/// Memory of a method beside the system. Vectors and matrices of double are for methods that factorise: whatever the
 /// solve's precision, an elimination of hundreds of rows is done in double. Such a method takes environments one at a
-/// time, never in packs or bundles. Where an environment is too large for matrices, a method that can do without has
+/// time, never in packs or bundles. If an environment is too large for matrices, a method that can do without has
 /// further vectors instead.
 struct Workspace {
   Index vectors = 0;                ///< of n numbers of Real
@@ -21,7 +21,7 @@ struct Workspace {
   Index direct_rows = kDirectRows;  ///< no less than dense systems have rows
   Index real_matrices = 0;          ///< of n x n numbers of Real beside a dense system: for lanes of packs, too
 
-  /// Whether an environment of n rows gets the matrices.
+  /// Returns true if an environment of n rows gets the matrices.
   [[nodiscard]] STICTION_HD constexpr bool has_matrices(Offset n) const { return n <= direct_rows; }
   /// Doubles for an environment of n rows. Not monotone: one without matrices may need less than a smaller one.
   [[nodiscard]] STICTION_HD constexpr Offset doubles(Offset n) const {
@@ -53,7 +53,7 @@ struct Workspace {
     workspace.direct_rows = rows;
     return workspace;
   }
-  /// Whether the method factorises.
+  /// Returns true if the method factorises.
   [[nodiscard]] STICTION_HD constexpr bool is_direct() const { return f64_vectors > 0 || dense_matrices > 0; }
 };
 

@@ -46,14 +46,14 @@ struct ShapePair {
   Index shape_a, shape_b, body_a, body_b;
 };
 
-/// What contacts of two shapes have in common.
+/// Common parts of two shapes' contacts.
 template <class Real>
 struct WorldPair {
   ShapePair shapes;
   Real mu, restitution;
 };
 
-/// Shapes are in order of their bodies, the world's first. So the numbers of pairs, in order of bodies and shapes,
+/// Shapes are in order of their bodies, the world's first. The numbers of pairs, in order of bodies and shapes, hence
 /// follow from the shapes (shape_pairs.hpp).
 template <class Real>
 struct WorldModelView {
@@ -100,7 +100,7 @@ struct WorldContacts {
   Real* impulse;  ///< what it ended with
 };
 
-/// Where the contacts of a step go, and what is remembered of the step before.
+/// Destination of a step's contacts, and memory of the step before.
 template <class Real>
 struct ContactSink {
   WorldContacts<Real> now;

@@ -9,7 +9,7 @@
 
 namespace stiction {
 
-/// What can be done to a Jacobian batch, every environment of it; all was checked before.
+/// Operations on a Jacobian batch, every environment of it; all was checked before.
 template <class Real>
 void assemble_on_cpu(const JacobianJob<Real>& job, int threads);
 template <class Real>

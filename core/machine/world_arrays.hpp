@@ -52,11 +52,11 @@ template <class Real>
 struct WorldArrays {
   WorldArrays(const WorldModelView<Real>& world, Offset envs);
 
-  /// What kernels are given.
+  /// Returns the arguments of kernels.
   [[nodiscard]] WorldJob<Real> job();
   /// The last step's contacts.
   [[nodiscard]] BodyBatchView<Real> batch();
-  /// What a checkpoint holds takes the place of state, wrenches, statuses and contacts.
+  /// Replaces state, wrenches, statuses and contacts by a checkpoint's.
   void resume(const WorldCheckpoint<Real>& from);
 
   WorldModelView<Real> model;

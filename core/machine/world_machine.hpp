@@ -17,7 +17,7 @@ struct WorldSolve {
   StreamRef stream;
 };
 
-/// What is to be seen of a world.
+/// Part of a world that can be read.
 enum class WorldPart : std::uint8_t { state, status, contacts };
 
 /// A world on one machine, and the stages of its step around the solve; everything was checked before. All bodies begin

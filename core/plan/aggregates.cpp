@@ -26,7 +26,7 @@ Aggregates find_aggregates(const BlockPattern& graph) {
     for (const Index neighbour : row) aggregate[at(neighbour)] = static_cast<Index>(found.root.size());
     found.root.push_back(body);
   }
-  // Those left consider the roots' aggregates alone, so that the order in which they join does not matter.
+  // The others consider the roots' aggregates alone, so that the order in which they join does not matter.
   const std::vector<Index> taken = aggregate;
   std::vector<Index> shared(found.root.size(), 0);
   for (Index body = 0; body < graph.rows; ++body) {

@@ -16,7 +16,7 @@ struct BlockSet {
   [[nodiscard]] BlockPattern view() const { return {rows(), columns_total, offsets.data(), columns.data()}; }
 };
 
-/// Where a product has blocks: wherever some (i, k) of the left meets a (k, j) of the right.
+/// Returns the blocks of a product: wherever some (i, k) of the left meets a (k, j) of the right.
 BlockSet multiply_patterns(const BlockPattern& left, const BlockPattern& right);
 
 /// A transpose, and for each of its blocks the number it has in the original.

@@ -9,7 +9,7 @@
 #include "core/job/block_pattern.hpp"
 #include "stiction/error.hpp"
 
-/// What plans of block matrices share.
+/// Common parts of plans of block matrices.
 namespace stiction {
 
 /// The number of block (row, column) in the pattern, -1 if it has none.

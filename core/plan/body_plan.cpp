@@ -40,7 +40,7 @@ EnvContacts contacts_of(const BodyBatchView<Real>& batch, Offset env) {
           batch.body_b + contact, batch.kinematic == nullptr ? nullptr : batch.kinematic + body};
 }
 
-/// Whether all that plans of two environments are made of is the same: contacts between the same bodies.
+/// Returns true if plans of two environments are made of the same: contacts between the same bodies.
 bool are_alike(const EnvContacts& one, const EnvContacts& other) {
   const auto same = [](const auto* a, const auto* b, Index count) { return std::equal(a, a + count, b); };
   if (one.bodies != other.bodies || one.contacts != other.contacts) return false;
@@ -48,11 +48,11 @@ bool are_alike(const EnvContacts& one, const EnvContacts& other) {
   return one.kinematic == nullptr || same(one.kinematic, other.kinematic, one.bodies);
 }
 
-/// Where one environment's part of the plan is written.
+/// Destination of one environment's part of the plan.
 struct EnvPlan {
   Index *kept, *contact_order, *sides, *vertex_offsets, *color_offsets, *color_count, *body_offsets, *body_contacts;
 
-  /// That of an environment which are_alike() says is the same.
+  /// Copies the plan of an environment which are_alike() says is the same.
   void copy(const EnvPlan& other, Index bodies, Index contacts) const {
     *kept = *other.kept;
     *color_count = *other.color_count;
@@ -274,7 +274,7 @@ BodyPlanData room_for(const BodyBatchView<Real>& batch) {
   return plan;
 }
 
-/// Where the plan of an environment of that batch is written.
+/// Returns the destination of the plan of an environment of that batch.
 template <class Real>
 EnvPlan part_of(BodyPlanData& plan, const BodyBatchView<Real>& batch, Offset e) {
   const Offset body = batch.env_body_offsets[e], contact = batch.env_contact_offsets[e];

@@ -55,7 +55,7 @@ template <class Real>
 BodyPlanData make_body_plan(const BodyBatchView<Real>& batch, Index capacity,
                             const ParallelFor& parallel_for = all_at_once);
 
-/// Whether a plan was made for bodies and contacts like this host batch's.
+/// Returns true if a plan was made for bodies and contacts like this host batch's.
 template <class Real>
 bool fits(const BodyPlanData& plan, const BodyBatchView<Real>& batch);
 

@@ -49,8 +49,8 @@ class BreadthSearch {
 
 }  // namespace
 
-/// Each part that hangs together begins at a row that is as far from some other as searches find. Where one ended, the
-/// next begins, as long as that goes farther (George and Liu 1979).
+/// Each part that hangs together begins at a row that is as far from some other as searches find. After one has ended,
+/// the next begins, as long as that goes farther (George and Liu 1979).
 std::vector<Index> order_cuthill_mckee(const BlockPattern& pattern) {
   BreadthSearch search(pattern);
   std::vector<Index> order;

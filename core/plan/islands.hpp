@@ -7,7 +7,7 @@
 namespace stiction {
 
 /// Finds which cones of each environment act on one another, however indirectly. Two that a stored entry joins, either
-/// way round and whatever its value, are in one island. So are neighbouring cones of one non-negative group.
+/// way round and whatever its value, are in one island. Neighbouring cones of one non-negative group are joined, too.
 struct Islands {
   std::vector<Index> island;  ///< of each cone, numbered 0, 1, ... in its environment by their first cones; 0 in room
                               ///< that no cone uses                                                  (cone_count)

@@ -25,7 +25,7 @@ BlockSet tentative_pattern(const Aggregates& aggregates) {
   return set;
 }
 
-/// Of each body its place among the coupled, -1 if it is not; returns their number.
+/// Lists each body's index among the coupled, -1 if it is not; returns their number.
 Index list_places(const BlockPattern& pattern, std::vector<Index>& place) {
   Index count = 0;
   for (Index row = 0; row < pattern.rows; ++row) place.push_back(is_coupled(pattern, row) ? count++ : -1);

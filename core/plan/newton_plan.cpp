@@ -120,7 +120,7 @@ class BodyGraph {
   std::vector<Index> row_offsets_, columns_, block_offsets_, block_contacts_;
 };
 
-/// What the preconditioner takes for itself, from the pattern that the environment's stream begins with.
+/// Appends data that the preconditioner needs, from the pattern that the environment's stream begins with.
 void append_preconditioner(std::vector<Index>& stream, Offset begin, const BodySpaceOptions& space) {
   // The stream is about to grow: the pattern is read from a copy.
   const Index* next = stream.data() + begin;

@@ -9,7 +9,7 @@ namespace stiction {
 
 std::vector<Index> order_cuthill_mckee(const BlockPattern& pattern);
 
-/// Those of libraries; without its library each throws, and its constant is false.
+/// Orderings of libraries; without its library each throws, and its constant is false.
 extern const bool kHasEigenOrdering;
 extern const bool kHasSuiteSparseOrdering;
 extern const bool kHasMetisOrdering;

@@ -292,7 +292,7 @@ void order_environments(const BatchStructure& structure, PlanData& plan) {
   for (const Offset env : plan.sparse_order) plan.sparse_nonzeros.push_back(EnvStructure(structure, env).entry_span());
 }
 
-/// What every environment has. The others' order of cones is left to be found.
+/// Plans the part that every environment has. The others' order of cones is left to be found.
 void plan_dense(const BatchStructure& structure, const ParallelFor& parallel_for, PlanData& plan) {
   const auto envs = static_cast<std::size_t>(structure.env_count);
   plan.counts.resize(envs);

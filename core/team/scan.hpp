@@ -8,7 +8,7 @@ namespace stiction::inline STICTION_ISA {
 /// any order, so this reaches speed only.
 inline constexpr Index kScanParts = 256;
 
-/// Where a part of n things begins, parts 0 .. parts; the last one is n.
+/// Returns the start of a part of n things, parts 0 .. parts; the last one is n.
 STICTION_HD Index part_begin(Index n, Index part, Index parts) {
   return static_cast<Index>(static_cast<Offset>(n) * part / parts);
 }

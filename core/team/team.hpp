@@ -13,7 +13,7 @@ namespace stiction::inline STICTION_ISA {
 inline constexpr std::size_t kTeamValueBytes = 64;
 
 /// The team of lanes that owns one environment. An algorithm is a sequence of phases over a Team (phases.hpp) and
-/// never sees a thread, a warp or a barrier. So one text runs on a GPU thread, a GPU block and a CPU core. In the
+/// never sees a thread, a warp or a barrier. One text hence runs on a GPU thread, a GPU block and a CPU core. In the
 /// tests it runs on real threads made to disagree about speed.
 ///
 ///   rank(), size()   this lane and how many there are

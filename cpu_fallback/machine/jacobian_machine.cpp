@@ -83,7 +83,7 @@ class CpuJacobianMachine final : public JacobianMachine<Real> {
     return array.data();
   }
 
-  /// What each environment takes. Returns the rows of the largest.
+  /// Counts the memory of each environment. Returns the rows of the largest.
   Index count(const JacobianBatchView<Real>& batch, bool by_newton) {
     SerialTeam team;
     arrays_.env_rows = std::numeric_limits<Index>::max();
@@ -101,7 +101,7 @@ class CpuJacobianMachine final : public JacobianMachine<Real> {
     return largest;
   }
 
-  /// Where each environment is, and its rows.
+  /// Finds the place of each environment, and its rows.
   JacobianBatchJob<Real> place(const JacobianBatchView<Real>& batch, Index largest) {
     SerialTeam team;
     const auto envs = static_cast<std::size_t>(batch.env_count), rows = static_cast<std::size_t>(batch.row_count);

@@ -8,7 +8,7 @@
 
 namespace stiction::cpu {
 
-/// What lanes pull back of a batch: environments, and the parts of those that are too large for a lane.
+/// Items of a batch that lanes pull back: environments, and the parts of those that are too large for a lane.
 template <class Real>
 class JacobianVjpParts {
  public:
@@ -34,7 +34,7 @@ class JacobianVjpParts {
 
   /// Sorted by size.
   [[nodiscard]] std::span<const LaneEnv<Real>> all() const { return parts_; }
-  /// Of each of them; to be filled.
+  /// Result of each of them; to be filled.
   [[nodiscard]] JacobianVjpResult* results() { return results_.data(); }
 
   /// Joins what was found of each environment's parts, and writes down which are answered.

@@ -10,8 +10,8 @@
 
 namespace stiction::cpu {
 
-/// What Newton's method in velocities takes of a batch: environments, and the parts of those that are too large for a
-/// lane. It takes all of an environment, or nothing.
+/// Items of a batch that Newton's method in velocities takes: environments, and the parts of those that are too large
+/// for a lane. It takes all of an environment, or nothing.
 template <class Real>
 class VelocityParts {
  public:

@@ -12,7 +12,7 @@ namespace stiction::inline STICTION_ISA {
 template <class Real>
 class AlikeEnvs {
  public:
-  /// in_double(env): whether it goes behind those of which that is false. Of no more than `width` there is one pack.
+  /// in_double(env): whether it goes behind those of which that is false. Up to `width` of them make one pack.
   template <class F>
   AlikeEnvs(const JacobianBatchView<Real>& batch, const LaneEnv<Real>* envs, Offset count, Index width,
             cpu::VelocityScratch& scratch, F&& in_double)
@@ -60,7 +60,7 @@ class AlikeEnvs {
     doubles_ -= count_ - kept;
     count_ = kept;
   }
-  /// Where the i-th was before.
+  /// Returns the former index of the i-th.
   [[nodiscard]] Offset from(Offset i) const { return keys_[i].at; }
 
  private:

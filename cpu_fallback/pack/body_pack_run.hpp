@@ -163,7 +163,7 @@ class BodyPackRun : public PackDriver<BodyPackRun<kLaw, Real>, kPackWidth<Real>>
     return loaded;
   }
 
-  /// Takes an environment's numbers into a lane. Whether they can be used.
+  /// Takes an environment's numbers into a lane. Returns true if they can be used.
   bool load_lane(int l, Offset env) {
     Lane& lane = lanes_[l];
     lane.env = slice_bodies(job_, env);
@@ -282,7 +282,7 @@ class BodyPackRun : public PackDriver<BodyPackRun<kLaw, Real>, kPackWidth<Real>>
     return momentum;
   }
 
-  /// After so many sweeps: what follows a chunk in the lanes where one has ended. Of two packs that alternate, one may
+  /// After so many sweeps: what follows a chunk in the lanes where one has ended. One of two packs that alternate may
   /// have no such lane.
   void end_chunks(Index count, const SiMomentum<Packed>& momentum) {
     busy_.for_each([&](int l) {
@@ -311,8 +311,8 @@ class BodyPackRun : public PackDriver<BodyPackRun<kLaw, Real>, kPackWidth<Real>>
   bool is_composed_ = false;  ///< none has entered since compose()
 };
 
-/// Whether environments of this room go through two packs that alternate: as long as the second-level cache holds both.
-/// Only speed depends on it.
+/// Returns true if environments of this room go through two packs that alternate: as long as the second-level cache
+/// holds both. Only speed depends on it.
 template <Law kLaw, class Real>
 bool takes_body_pairs(const cpu::PackShape& shape, bool momentum) {
   constexpr Offset kMostBytes = Offset{320} << 10;

@@ -222,9 +222,9 @@ class ContactPackRun : public PackDriver<ContactPackRun<Method, kLaw, Real>, kPa
   LaneState states_[kWidth];
 };
 
-/// Whether environments of these slots go through two packs that alternate. Sweeps of a few cones wait for each cone's
-/// roots and quotients. Those of more cones wait for what the first cache does not hold of two packs. Only speed
-/// depends on it.
+/// Returns true if environments of these slots go through two packs that alternate. Sweeps of a few cones wait for
+/// each cone's roots and quotients. Environments of more cones wait for numbers that the first cache does not hold of
+/// two packs. Only speed depends on it.
 template <class Method, class Real>
 bool takes_pairs(const ConeCounts& slots) {
   constexpr Offset kMostMatrixBytes = Offset{8} << 10;

@@ -8,7 +8,7 @@
 /// Environments of Newton's method in velocities, and of its derivative, into packs.
 namespace stiction::inline STICTION_ISA {
 
-/// Where a pack's memory comes from.
+/// Memory of packs.
 template <class Types>
 struct PackMemory {
   cpu::VelocityScratch& scratch;

@@ -46,8 +46,8 @@ Mask<Pack<Real, W>> mask_of(LaneSet lanes) {
 }
 
 /// Lets environments enter and leave the lanes of a pack between chunks, so that the vector stays nearly full until the
-/// queue ends. Each one starts at a chunk boundary with its own count of iterations. So what it computes does not
-/// depend on its lane, its neighbours or the moment it entered. `Run` says what an environment in a lane is:
+/// queue ends. Each one starts at a chunk boundary with its own count of iterations. Its results hence do not depend
+/// on its lane, its neighbours or the moment it entered. `Run` says what an environment in a lane is:
 ///
 ///   kTogether                      free lanes that are waited for before any is loaded
 ///   LaneSet due()                  the busy lanes whose chunk has ended
@@ -61,7 +61,7 @@ class PackDriver {
 
   explicit PackDriver(EnvQueue& queue) : queue_(queue) {}
 
-  /// Finishes environments that are due and loads others. Whether there is anything to advance.
+  /// Finishes environments that are due and loads others. Returns true if there is anything to advance.
   bool refill() {
     Run& run = static_cast<Run&>(*this);
     run.check_convergence(run.due());

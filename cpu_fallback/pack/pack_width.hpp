@@ -19,14 +19,14 @@ namespace stiction::inline STICTION_ISA {
 #endif
 inline constexpr int kVectorBytes = STICTION_VECTOR_BYTES;
 
-/// Whether this build has kernels for packs alone: a CPU that runs it takes all others from a narrower one.
+/// Defined if this build has kernels for packs alone: a CPU that runs it takes all others from a narrower one.
 #if defined(STICTION_PACKS_ALONE)
 inline constexpr bool kPacksAlone = true;
 #else
 inline constexpr bool kPacksAlone = false;
 #endif
 
-/// Whether this source has no packs, because wider vectors have kernels of them and run here. Differs within a build.
+/// Defined if wider vectors have kernels of packs and run here; this source then has none. Differs within a build.
 #if defined(STICTION_SINGLES_ALONE)
 constexpr bool kSinglesAlone = true;
 #else

@@ -40,7 +40,7 @@ PackShape join(const PackShape& a, const PackShape& b) {
   return {larger_of(a.contacts, b.contacts), larger_of(a.bodies, b.bodies)};
 }
 
-/// What one iteration takes.
+/// Returns the work of one iteration.
 Offset work_of(const ConeCounts& counts) {
   const Offset rows = row_count(counts);
   // A cone's own step weighs like some thirty matrix entries.
@@ -111,7 +111,7 @@ class PackGroups {
   bool is_packable_ = false;
 };
 
-/// What environments of bodies are sorted by.
+/// Keys by which environments of bodies are sorted.
 struct SortedBodies {
   PackShape shape;
   std::size_t sides;  ///< hash of the bodies that the contacts are between

@@ -18,7 +18,7 @@ struct WorkItem {
   bool packed = false;  ///< through the lanes of a pack, else one by one
 };
 
-/// What items depend on. Only speed depends on them.
+/// Data that items depend on. Only speed depends on them.
 template <class Shape>
 struct WorkItemRules {
   int threads = 1;

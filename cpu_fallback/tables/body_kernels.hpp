@@ -31,7 +31,7 @@ struct BodySingleKernels {
   /// Scratch one environment needs, in numbers of Real and of double.
   Offset (*elements)(Offset contacts, Offset bodies, bool momentum) = nullptr;
   Offset (*exact_elements)(Offset bodies) = nullptr;
-  /// Those of one contact that a sweep reads or writes.
+  /// Returns the elements of one contact that a sweep reads or writes.
   Offset (*swept_elements)(bool momentum) = nullptr;
   void (*solve_alone)(const BodyJob<Real>& job, Offset env, Real* scratch, double* exact) = nullptr;
   /// Solves on every thread of a team, which shares the scratch.

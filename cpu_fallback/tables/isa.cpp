@@ -101,7 +101,7 @@ void for_each_isa(const F& f) {
   for (const Isa& isa : added()) f(isa);
 }
 
-/// Whether it asks for what is taken without being asked for.
+/// Returns true if the name asks for the default choice.
 bool is_widest(const char* name) {
   return *name == '\0' || std::strcmp(name, "widest") == 0;
 }

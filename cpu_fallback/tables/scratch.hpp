@@ -11,7 +11,7 @@
 
 namespace stiction::cpu {
 
-/// Memory that grows, aligned for the widest vectors. What was in it before is lost.
+/// Memory that grows, aligned for the widest vectors. Its earlier contents are lost.
 class GrowBuffer {
  public:
   template <class T>
@@ -41,7 +41,7 @@ class GrowBuffer {
       own ^= own << 13U;
       own ^= own >> 7U;
       own ^= own << 17U;
-      // Of a size that sums of a few thousand stay finite with, in either precision.
+      // A size with which sums of a few thousand stay finite, in either precision.
       const std::uint64_t number = (own & 0x8fffffff8fffffffU) | 0x3000000030000000U;
       std::memcpy(memory + i, &number, sizeof(number));
     }
@@ -54,8 +54,8 @@ class GrowBuffer {
   std::size_t capacity_ = 0;
 };
 
-/// Scratch of one worker during one solve, one piece at a time. What is small belongs to the thread and stays from
-/// solve to solve. An allocator that gives it back to the system in between makes every page of it fault again.
+/// Scratch of one worker during one solve, one piece at a time. Small buffers belong to the thread and stay from solve
+/// to solve. An allocator that gives it back to the system in between makes every page of it fault again.
 class Scratch {
  public:
   template <class T>

@@ -50,8 +50,8 @@ class Call {
   std::exception_ptr failure_;
 };
 
-/// Threads that sleep between calls. A call never waits for a helper to come: its own thread does what is not taken. So
-/// calls from several threads, and from within items, get on with however many helpers are free.
+/// Threads that sleep between calls. A call never waits for a helper to come: its own thread does what is not taken.
+/// Calls from several threads, and from within items, hence proceed with however many helpers are free.
 class Pool {
  public:
   Pool() = default;
@@ -118,7 +118,7 @@ class Pool {
 };
 
 /// The process's pool, made by the first call that needs one. A child of fork() has none of its parent's helpers, and
-/// the parent's pool may be locked for good. So the child leaves that pool untouched and makes another.
+/// the parent's pool may be locked for good. The child therefore leaves that pool untouched and makes another.
 class ProcessPool {
  public:
   ProcessPool() noexcept {

@@ -19,7 +19,7 @@ namespace {
 std::atomic<bool> was_used{false};
 
 /// Before a fork, waits until oneTBB's workers have ended; the next call makes new ones. A worker on its way to sleep
-/// may hold a lock of oneTBB's. In the child it is held for good, and the child's exit waits for it. Of a program that
+/// may hold a lock of oneTBB's. In the child it is held for good, and the child's exit waits for it. In a program that
 /// knows oneTBB alone, 4 of 6000 children never ended, and none of 6000 with this. While another thread is at work
 /// there, nothing is waited for.
 void end_workers() {

@@ -21,7 +21,7 @@ void parallel_for(int threads, int items, const ItemWork& work);
 /// Work in parts: a ParallelFor for work on environments that takes some ten nanoseconds each.
 void parallel_for(int threads, Offset count, const std::function<void(Offset, Offset)>& work);
 
-/// What deals the items out: the library's own threads, which sleep between calls, or oneTBB's.
+/// Threads that the items are dealt out to: the library's own, which sleep between calls, or oneTBB's.
 enum class PoolKind : unsigned char { own, tbb };
 bool has_pool(PoolKind kind);
 /// Work by one of the two pools. \throws Error(unsupported) if the build has it not.

@@ -21,7 +21,7 @@ constexpr int kSpins = 4000;
 
 using Clock = Section::Clock;
 
-/// What this thread has waited at its team's barriers; null without a meter.
+/// Time that this thread has waited at its team's barriers; null without a meter.
 thread_local Clock::duration* waited_here = nullptr;
 
 void pause() {

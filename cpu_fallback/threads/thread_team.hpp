@@ -23,7 +23,7 @@ class TeamBarrier {
   alignas(64) std::atomic<std::uint32_t> phase_{0};
 };
 
-/// What the threads of a team share: a barrier, and two sets of slots to exchange values through. Values of one
+/// Memory that the threads of a team share: a barrier, and two sets of slots to exchange values through. Values of one
 /// exchange are read until the next one's barrier, while the next one writes the other set.
 class ThreadTeam {
  public:

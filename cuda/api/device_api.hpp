@@ -18,7 +18,7 @@ struct RobotKernels;
 using StreamHandle = void*;
 using EventHandle = void*;
 
-/// What the engine must know of a device to size its launches.
+/// Facts about a device by which the engine sizes its launches.
 struct DeviceFacts {
   std::string name;
   int processors = 1;                     ///< multiprocessors: that many blocks at least run at once
@@ -62,7 +62,7 @@ class DeviceApi {
   virtual EventHandle create_event(EventUse use) = 0;
   virtual void destroy_event(EventHandle event) noexcept = 0;
 
-  /// What follows is queued on a stream and done in its order.
+  /// Calls below are queued on a stream and done in its order.
   virtual void copy(void* target, const void* source, std::size_t bytes, CopyKind kind, StreamHandle stream) = 0;
   virtual void fill_zero(void* target, std::size_t bytes, StreamHandle stream) = 0;
   /// Loads a kernel, and looks up how many of its blocks run at once, for launches of this shape with any number of
@@ -82,7 +82,7 @@ class DeviceApi {
   virtual void conditionally(const Offset* condition, StreamHandle stream, StreamHandle inner,
                              const std::function<void(StreamHandle)>& body) = 0;
 
-  /// Whether `stream` is being captured into a graph: then nothing may allocate or wait.
+  /// Returns true if `stream` is being captured into a graph: then nothing may allocate or wait.
   virtual bool capturing(StreamHandle stream) = 0;
   /// Returns when all work on the stream is done. \throws the error of that work, if it failed.
   virtual void synchronize(StreamHandle stream) = 0;

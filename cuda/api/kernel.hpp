@@ -6,7 +6,7 @@
 
 namespace stiction::cuda {
 
-/// A program compiled for one device. What `entry` points at is that device's own business.
+/// A program compiled for one device. The meaning of `entry` is that device's own.
 struct KernelRef {
   const char* name;
   const void* entry;

@@ -101,7 +101,7 @@ void* EmulatedDevice::allocate(std::size_t bytes) {
   void* memory = other_kernels() != nullptr ? allocate_guarded(rounded) : std::aligned_alloc(kDeviceAlignment, rounded);
   if (memory == nullptr)
     throw Error(ErrorCode::out_of_memory, "emulated device: " + std::to_string(bytes) + " bytes cannot be had");
-  // What a program must not rely on, the same in every run.
+  // Contents that a program must not rely on, equal in every run.
   std::memset(memory, 0x5a, rounded);
   memory_[memory] = bytes;
   return memory;

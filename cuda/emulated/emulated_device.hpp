@@ -32,9 +32,9 @@ struct EmulatedDeviceOptions {
 };
 
 /// A device without a GPU: the engine's launches, copies and events, carried out by threads of the CPU. Nothing is done
-/// before it is waited for, and then in any order that streams and events allow, drawn from a seed. So a missing
-/// dependency shows as a wrong result. Captures streams into graphs by CUDA's rules. The n-th call of a kind can be
-/// made to fail.
+/// before it is waited for, and then in any order that streams and events allow, drawn from a seed. A missing
+/// dependency hence shows as a wrong result. Captures streams into graphs by CUDA's rules. The n-th call of a kind can
+/// be made to fail.
 class EmulatedDevice final : public DeviceApi {
  public:
   explicit EmulatedDevice(const EmulatedDeviceOptions& options = {});
@@ -64,9 +64,9 @@ class EmulatedDevice final : public DeviceApi {
   void await(EventHandle event) override;
   std::optional<double> microseconds(EventHandle from, EventHandle to) override;
 
-  /// What was captured; may be launched any number of times.
+  /// Captured work; may be launched any number of times.
   class Graph;
-  /// What is queued on `stream` from now on, and on streams that wait for it, becomes part of a graph.
+  /// Work queued on `stream` from now on, and on streams that wait for it, becomes part of a graph.
   void begin_capture(StreamHandle stream);
   /// \throws Error(device_failure) if a stream that joined the capture was not joined back.
   std::shared_ptr<const Graph> end_capture(StreamHandle stream);
@@ -103,7 +103,7 @@ class EmulatedDevice final : public DeviceApi {
     std::shared_ptr<Stamp> stamp = nullptr;  ///< of the last time it was recorded
   };
 
-  /// What a kernel is prepared for: all of a shape but the number of teams.
+  /// Key of a prepared kernel: all of a shape but the number of teams.
   using Prepared = std::tuple<const void*, int, std::size_t, bool>;
   static Prepared prepared(const KernelRef& kernel, const LaunchShape& shape) {
     return {kernel.entry, shape.lanes, shape.shared_bytes, shape.whole_device};

@@ -19,7 +19,7 @@ struct EmulatedLaunch {
   std::vector<Offset> order;  ///< team indices as they are run
 };
 
-/// What KernelRef::entry points at on the emulated device.
+/// Target of KernelRef::entry on the emulated device.
 struct EmulatedKernel {
   void (*run)(const EmulatedLaunch& launch, const void* arguments);
 };

@@ -28,7 +28,7 @@ class SleepingBarrier {
   pthread_barrier_t barrier_{};
 };
 
-/// What the lanes of a host team share.
+/// Memory that the lanes of a host team share.
 struct EmulatedTeamMemory {
   explicit EmulatedTeamMemory(int lanes) : width(lanes), barrier(lanes) {
     for (auto& turn : slot) turn.resize(static_cast<std::size_t>(lanes) * kTeamValueBytes);
@@ -39,7 +39,7 @@ struct EmulatedTeamMemory {
   alignas(16) std::byte leaves[kReduceLeaves * sizeof(double)] = {};
 };
 
-/// What the blocks of a host grid share besides what each has for its own lanes.
+/// Memory that the blocks of a host grid share besides that of each for its own lanes.
 struct EmulatedGridMemory {
   EmulatedGridMemory(int blocks, int lanes) : width(blocks * lanes), barrier(width) {
     for (int k = 0; k < blocks; ++k) block.emplace_back(lanes);
@@ -53,7 +53,7 @@ struct EmulatedGridMemory {
 };
 
 /// A team of the emulated device: threads that meet at a barrier and at nothing else. It offers what a Team promises
-/// and no more, one barrier an exchange as CudaTeam does. So a program with a missing sync races here too.
+/// and no more, one barrier an exchange as CudaTeam does. A program with a missing sync hence races here too.
 class EmulatedTeam {
  public:
   static constexpr Index kRowTile = 4;

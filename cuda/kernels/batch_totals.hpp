@@ -5,9 +5,9 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// The batch with the totals it has now. What the view says is the room of its arrays: a captured graph may be replayed
-/// with less in them. Totals that make no sense are left to structure_is_sound(), which then finds the environments
-/// that they break.
+/// The batch with the totals it has now. The view gives the room of its arrays: a captured graph may be replayed with
+/// less in them. Totals that make no sense are left to structure_is_sound(), which then finds the environments that
+/// they break.
 STICTION_HD BatchStructure with_totals(BatchStructure batch) {
   if (batch.env_count == 0) return batch;
   const auto shrink = [](Offset& room, Offset total) {

@@ -13,7 +13,7 @@ struct BodyQueue {
   Offset* work_counter;  ///< how many of them teams have taken
 };
 
-/// What a kernel that solves bodies by teams is given.
+/// Arguments of a kernel that solves bodies by teams.
 template <class Real>
 struct BodiesArgs {
   BodyJob<Real> job;
@@ -22,7 +22,7 @@ struct BodiesArgs {
   Offset slot_bytes;
 };
 
-/// What a kernel that solves bodies by lanes is given.
+/// Arguments of a kernel that solves bodies by lanes.
 template <class Real>
 struct BodyBundleArgs {
   BodyJob<Real> job;

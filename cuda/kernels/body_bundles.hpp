@@ -7,8 +7,8 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// What a team keeps of its lanes' environments, at the head of its fast memory. Their numbers follow, each lane's
-/// apart from its neighbours' by one: first those of Real, then those of double.
+/// State of its lanes' environments that a team keeps at the head of its fast memory. Their numbers follow, each
+/// lane's apart from its neighbours' by one: first those of Real, then those of double.
 template <class Real>
 struct BodyBundleHead {
   struct Slot {

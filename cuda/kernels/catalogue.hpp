@@ -13,8 +13,8 @@
 #include "cuda/kernels/world_program.hpp"
 
 /// Fills a catalogue by whatever turns a program into a kernel of one device:
-/// `Make::template kernel<Program>(name)`. What is long has a catalogue of its own (derivative_catalogue.hpp,
-/// jacobian_catalogue.hpp): no solver is compiled anew for it.
+/// `Make::template kernel<Program>(name)`. Long parts have catalogues of their own (derivative_catalogue.hpp,
+/// jacobian_catalogue.hpp): no solver is compiled anew for them.
 namespace stiction::cuda {
 
 template <class Make, class Method, Law kLaw, class Real>

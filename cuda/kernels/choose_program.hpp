@@ -7,7 +7,7 @@
 
 namespace stiction::cuda {
 
-/// What choosing solvers takes beside the job.
+/// Arguments of choosing solvers beside the job.
 template <class Real>
 struct ChooseArgs {
   SolveJob<Real> job;  ///< with the caller's warm start

@@ -8,7 +8,7 @@
 
 namespace stiction::cuda {
 
-/// What derivatives on a device take beside the job, whose kappa is 0 where they are those of the exact problem.
+/// Arguments of derivatives on a device beside the job, whose kappa is 0 where they are those of the exact problem.
 template <class Job, class Real>
 struct DerivativeArgs {
   RelaxedJob<Job, Real> job;
@@ -18,7 +18,7 @@ struct DerivativeArgs {
   Index most_dofs;
 };
 
-/// What pulling back through sweeps takes: the job is that of a contact batch.
+/// Arguments of pulling back through sweeps: the job is that of a contact batch.
 template <class Real>
 struct UnrolledArgs : DerivativeArgs<JacobianVjpJob<Real>, Real> {
   SweepsView<Real> sweeps;
@@ -29,8 +29,8 @@ struct UnrolledArgs : DerivativeArgs<JacobianVjpJob<Real>, Real> {
 /// Derivatives on a device: a team takes an environment at a time. Nothing in the batch's arrays is believed.
 namespace stiction::inline STICTION_ISA {
 
-/// Whether an environment, and where it is assembled to, are where the batch says; on every lane. Its rows are written
-/// then.
+/// Returns true if an environment, and the place it is assembled to, lie within the batch; on every lane. Its rows are
+/// written then.
 template <Team TeamT, class Job>
 STICTION_HD bool is_sound(TeamT& team, const Job& job, Offset env) {
   if (job.has_jacobian) {

@@ -5,7 +5,7 @@
 
 namespace stiction::cuda {
 
-/// What making a contact batch, or velocities, takes beside the job.
+/// Arguments of making a contact batch, or velocities, beside the job.
 template <class Real>
 struct JacobianArgs {
   JacobianBatchJob<Real> job;
@@ -53,7 +53,7 @@ struct CountJacobians {
   }
 };
 
-/// Where each begins. One team's work.
+/// Writes the beginning of each. One team's work.
 template <class Real>
 struct PlaceJacobians {
   using Args = cuda::JacobianArgs<Real>;

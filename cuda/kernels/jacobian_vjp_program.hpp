@@ -7,7 +7,7 @@
 
 namespace stiction::cuda {
 
-/// What pulling back in lanes takes beside the job.
+/// Arguments of pulling back in lanes beside the job.
 template <class Real>
 struct JacobianVjpArgs : LaneRoom {
   JacobianVjpJob<Real> job;

@@ -34,13 +34,13 @@ struct PlanArrays {
   }
 };
 
-/// What the fallback chain keeps of its environments from stage to stage (docs/math/auto.md).
+/// Arrays that the fallback chain keeps of its environments from stage to stage (docs/math/auto.md).
 struct ChainArrays {
   EnvFeatures* features;   ///< what the choice of their stages depends on                         (envs)
   std::uint8_t* assigned;  ///< the turn that each takes                                           (envs)
 };
 
-/// What sorting environments into classes is given.
+/// Arguments of sorting environments into classes.
 struct SortArgs {
   Offset env_count;
   PlanArrays plan;
@@ -50,7 +50,7 @@ struct SortArgs {
   ClassLimits limits;       ///< of the dense classes under the stage's solver
 };
 
-/// What finding islands is given.
+/// Arguments of finding islands.
 struct IslandArgs {
   BatchStructure batch;
   Index* island;  ///<                                                                             (cones)

@@ -85,7 +85,7 @@ struct SortEnvironments {
 
  private:
   /// Moves environments that fell short of a turn before to the next that is for them. Writes all keys: what this
-  /// turn does not solve is of the trivial class, which no turn launches. Whether the turn has any, on every lane.
+  /// turn does not solve is of the trivial class, which no turn launches. True if the turn has any, on every lane.
   template <Team TeamT>
   static STICTION_HD bool find_turn(TeamT& team, const Args& args) {
     std::uint32_t found = 0;
@@ -132,7 +132,7 @@ struct ColorEnvironments {
   }
 };
 
-/// Islands of every environment, a team each. What is broken or beyond the capacity has none.
+/// Islands of every environment, a team each. An environment that is broken or beyond the capacity has none.
 struct FindIslands {
   using Args = cuda::IslandArgs;
   static constexpr bool kSerial = false;

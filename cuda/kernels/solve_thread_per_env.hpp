@@ -9,7 +9,7 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// What a warp keeps of its environments, at the head of its fast memory.
+/// State of its environments that a warp keeps at the head of its fast memory.
 template <class Real>
 struct BundleHead {
   struct Slot {

@@ -7,7 +7,7 @@
 
 namespace stiction::cuda {
 
-/// What answering the trivial class takes beside the job.
+/// Arguments of answering the trivial class beside the job.
 template <class Real>
 struct TrivialArgs {
   SolveJob<Real> job;
@@ -20,8 +20,8 @@ struct TrivialArgs {
 
 namespace stiction::inline STICTION_ISA {
 
-/// Answers environments that need no iteration: those without rows, and those that planning refused. Of one whose
-/// structure is broken nothing is touched but its status, since the place of its rows is unknown.
+/// Answers environments that need no iteration: those without rows, and those that planning refused. An environment
+/// whose structure is broken gets a status and nothing else, since the place of its rows is unknown.
 template <class Real>
 struct AnswerTrivial {
   using Args = cuda::TrivialArgs<Real>;

@@ -6,8 +6,8 @@
 /// Sweeps in reverse on a device. The team that takes an environment plans it, too: the host knows no structure.
 namespace stiction::inline STICTION_ISA {
 
-/// What is planned of an environment, at the beginning of a team's scratch. Its arrays lie behind it: the order of the
-/// cones, where vertices and where colours begin.
+/// Plan of an environment, at the beginning of a team's scratch. Its arrays lie behind it: the order of the cones,
+/// where vertices and where colours begin.
 struct UnrolledPlan {
   ConeCounts counts;
   EnvPath path;
@@ -21,7 +21,7 @@ struct UnrolledPlan {
   }
 };
 
-/// Scratch of a team that takes environments of that size, in doubles. What planning takes is free again for the tape.
+/// Scratch of a team that takes environments of that size, in doubles. Memory of the plan is free again for the tape.
 STICTION_HD constexpr Offset unrolled_slot(Offset rows, Offset cones, Offset sweeps, Offset entry_span) {
   const Offset tape = unrolled_elements(rows, cones, sweeps);
   const Offset planning = (plan_scratch_elements(rows, cones, entry_span) + 1) / 2;

@@ -7,8 +7,8 @@
 
 namespace stiction::cuda {
 
-/// What Newton's method in velocities takes to solve in blocks, beside the job: memory of each team, laid out for the
-/// largest environment.
+/// Arguments of Newton's method in velocities in blocks beside the job: memory of each team, laid out for the largest
+/// environment.
 template <class Real>
 struct VelocityBlocksArgs {
   VelocityJob<Real> job;
@@ -23,7 +23,7 @@ struct VelocityBlocksArgs {
 
 namespace stiction::inline STICTION_ISA {
 
-/// What lanes have left, an environment after the other, after SolveVelocities and before anything is assembled.
+/// Environments that lanes have left, one after the other, after SolveVelocities and before anything is assembled.
 template <class Real>
 struct SolveVelocityBlocks {
   using Args = cuda::VelocityBlocksArgs<Real>;

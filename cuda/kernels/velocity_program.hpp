@@ -7,7 +7,7 @@
 
 namespace stiction::cuda {
 
-/// What Newton's method in velocities takes beside the job.
+/// Arguments of Newton's method in velocities beside the job.
 template <class Real>
 struct VelocityArgs : LaneRoom {
   VelocityJob<Real> job;

@@ -17,7 +17,7 @@ struct WorkQueue {
   Offset slot_elements;       ///< numbers of workspace of a team, or of one slot of a bundle
 };
 
-/// What a solving kernel is given: what is to be solved, and its share of it.
+/// Arguments of a solving kernel: its batch, and its share of it.
 template <class Real>
 struct QueuedJob {
   SolveJob<Real> job;

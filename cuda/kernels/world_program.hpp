@@ -5,7 +5,7 @@
 
 namespace stiction::cuda {
 
-/// What finding contacts takes beside the job.
+/// Arguments of finding contacts beside the job.
 template <class Real>
 struct WorldFindArgs {
   WorldJob<Real> job;
@@ -18,7 +18,7 @@ struct WorldFindArgs {
   Index* count;  ///< contacts of each environment, listed or not                                   (env_count)
 };
 
-/// What finding contacts takes where a tree finds near pairs.
+/// Arguments of finding contacts where a tree finds near pairs.
 template <class Real>
 struct WorldFindNearArgs {
   WorldFindArgs<Real> find;  ///< `workspace` has a NearWorkspace and room for near pairs for each team
@@ -26,7 +26,7 @@ struct WorldFindNearArgs {
   Offset* near;              ///< near pairs of each environment                                      (env_count)
 };
 
-/// What handing them to the solver takes.
+/// Arguments of handing them to the solver.
 template <class Real>
 struct EmitWorldContactsArgs {
   WorldModelView<Real> model;

@@ -30,7 +30,7 @@ inline constexpr TeamRule kTeamRules[] = {{0, 8, 64}, {33, 32, 32}, {513, 256, 4
 /// Bundles first, then teams.
 inline constexpr int kBodyClasses = kBundleClasses + static_cast<int>(std::size(kTeamRules));
 
-/// What one environment needs on one lane of `kStride`.
+/// Memory of one environment on one lane of `kStride`.
 struct BodyNeed {
   Offset elements;  ///< numbers of Real
   Offset exact;     ///< numbers of double besides
@@ -83,7 +83,7 @@ class BodyClassifier {
   }
 
  private:
-  /// What a device keeps of a block's fast memory, at most.
+  /// Part of a block's fast memory that a device keeps, at most.
   static constexpr Offset kOverhead = 2048;
 
   bool needs_team_;  ///< Newton's method is for teams

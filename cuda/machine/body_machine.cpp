@@ -118,7 +118,7 @@ void DeviceBodyMachine::load(const BodyRequest<Real>& request) {
   ArraySet slots;
   for (Class& own : classes_) slots.add(own.workspace, own.workspace_bytes);
 
-  // What runs may still read what is about to be freed or written.
+  // Earlier runs may still read memory that is about to be freed or written.
   api_->synchronize(request.stream.handle());
   arrays_.make_room(*api_, arrays.bytes());
   workspace_.make_room(*api_, slots.bytes());

@@ -34,7 +34,7 @@ class DeviceBodyMachine final : public BodyMachine {
     Offset workspace_bytes = 0;
     std::byte* workspace = nullptr;
   };
-  /// What room and copies were made for.
+  /// Sizes for which room and copies were made.
   struct Reserved {
     std::weak_ptr<const BodyPlanData> plan;
     std::size_t scalar_bytes = 0;

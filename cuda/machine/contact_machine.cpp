@@ -88,7 +88,7 @@ void DeviceContactMachine::run_on_device(const SolveRequest<Real>& request) {
     wanted.env_nonzeros = larger_of(need.env_nonzeros, smaller_of(need.nonzeros, Offset{1024} * 1024));
     engine_.reserve(wanted, request.options.solver, kPrecisionOf<Real>);
   }
-  // A plan that is not shared can change or vanish unseen. What is captured must plan for the data it will be replayed
+  // A plan that is not shared can change or vanish unseen. A captured solve must plan for the data it will be replayed
   // with. A graph that is launched between two solves leaves its own plan behind.
   const std::weak_ptr<const PlanData> owner =
       request.plan == nullptr ? std::weak_ptr<const PlanData>() : request.plan->weak_from_this();

@@ -13,7 +13,7 @@ namespace stiction::cuda {
 
 namespace {
 
-/// What the largest environment of J and M takes beside, in either precision.
+/// Returns the further doubles of the largest environment of J and M, in either precision.
 Offset jacobian_doubles(const Capacity& capacity) {
   const Offset dofs = capacity.env_dofs,
                vectors = larger_of(capacity.env_rows, 2) + ChainEnv<RowTile<double>>::kVectors;
@@ -107,7 +107,7 @@ Offset DeviceDerivativeMachine::teams_for(Offset slot) const {
   return smaller_of(fitting, kTeamsPerProcessor * api_->facts().processors);
 }
 
-/// Queues a launch behind whatever used the scratch last. What is captured is ordered where the graph is launched.
+/// Queues a launch behind whatever used the scratch last. Captured work is ordered where the graph is launched.
 template <class Args>
 void DeviceDerivativeMachine::queue(const KernelRef& kernel, const Args& args, Offset teams, StreamHandle stream) {
   const bool capturing = api_->capturing(stream);
@@ -186,7 +186,7 @@ void DeviceDerivativeMachine::queue_sweeps(const KernelRef& kernel, const Unroll
   queue(kernel, args, teams, stream);
 }
 
-/// What lanes take for environments of this machine's capacity.
+/// Makes the memory of lanes for environments of this machine's capacity.
 template <class Real>
 void DeviceDerivativeMachine::add_lanes(JacobianRoom<Real>& room, const JacobianNumbers& numbers, ArraySet& set) const {
   static_cast<LaneRoom&>(room.args) =

@@ -28,7 +28,7 @@ struct JacobianNumbers {
   }
 };
 
-/// Where batches of J and M of one precision are assembled for their derivatives. It grows with the batches.
+/// Memory in which batches of J and M of one precision are assembled for their derivatives. It grows with the batches.
 template <class Real>
 struct JacobianRoom {
   JacobianCapacity capacity;
@@ -43,8 +43,8 @@ struct JacobianRoom {
 };
 
 /// Differentiates contact batches on a device: one launch, in memory that is taken when it is made. For batches of J
-/// and M two more come before it, and a third where lanes pull environments back. What sweeps and relaxed reactions
-/// take beside grows with the calls.
+/// and M two more come before it, and a third where lanes pull environments back. Memory for sweeps and relaxed
+/// reactions grows with the calls.
 class DeviceDerivativeMachine final : public DerivativeMachine {
  public:
   /// `eager`: every call is complete on return, for a device that does nothing before it is waited for.

@@ -105,7 +105,7 @@ void Engine::queue_trivial(const SolveRequest<Real>& request, const SolveJob<Rea
               [&] { api_.launch(kernel, shape, &args, stream); });
 }
 
-/// Whether environments of a class can come to a solver.
+/// Returns true if environments of a class can come to a solver.
 bool Engine::has_class(SolverKind solver, SizeClass size_class) const {
   return shapes_of(solver)[static_cast<std::size_t>(size_class)].launch.teams > 0;
 }

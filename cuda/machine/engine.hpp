@@ -19,8 +19,8 @@ namespace stiction::cuda {
 template <class Real>
 inline constexpr Precision kPrecisionOf = sizeof(Real) == sizeof(float) ? Precision::f32 : Precision::f64;
 
-/// What decides the class of a dense environment. It reaches speed only: other rules are for measuring, and for tests
-/// that a class changes no bit.
+/// Rules that decide the class of a dense environment. It reaches speed only: other rules are for measuring, and for
+/// tests that a class changes no bit.
 struct ClassRules {
   ClassLimits limits;  ///< but for thread_large
   Offset many_per_processor =
@@ -39,8 +39,8 @@ struct ClassRules {
 
 /// Plans and solves batches that are on the device. Memory is there before a solve begins, so a solve is a number of
 /// launches and nothing else. It returns at once and can be captured into a graph. Everything about the batch but its
-/// largest extent is read on the device. So a graph may be replayed with other numbers, other contacts and other sizes
-/// of environments.
+/// largest extent is read on the device. A graph may hence be replayed with other numbers, other contacts and other
+/// sizes of environments.
 class Engine {
  public:
   explicit Engine(DeviceApi& api, const ClassRules& rules = {});
@@ -52,9 +52,9 @@ class Engine {
   /// alone. Waits for what is running. \throws Error(out_of_memory), or Error(invalid_argument) if the room there is
   /// has been captured into graphs, which would be left without it. The room there was is then kept.
   void reserve(const Capacity& capacity, SolverKind solver, Precision precision);
-  /// Whether a solve was captured: graphs then write the plan's arrays whenever they are launched.
+  /// Returns true if a solve was captured: graphs then write the plan's arrays whenever they are launched.
   [[nodiscard]] bool captured() const noexcept { return captured_; }
-  /// Whether there is room for batches within `capacity`, and for solving them so.
+  /// Returns true if there is room for batches within `capacity`, and for solving them so.
   [[nodiscard]] bool has_room(const Capacity& capacity) const;
   [[nodiscard]] bool has_reserved(const Capacity& capacity, SolverKind solver, Precision precision) const;
 
@@ -69,7 +69,7 @@ class Engine {
   /// Finds the islands of a batch in device memory, of environments that there is room for.
   void islands(const BatchStructure& batch, Index* island, Index* count, StreamHandle stream);
 
-  /// What the last plan left on the device, for tests that compare its integers.
+  /// Returns the last plan on the device, for tests that compare its integers.
   [[nodiscard]] const PlanArrays& plan_arrays() const noexcept { return plan_; }
 
  private:

@@ -4,7 +4,7 @@
 #include "core/job/size_class.hpp"
 #include "stiction/solver.hpp"
 
-/// What the engine knows of size classes when it makes room for them and when it launches them.
+/// Facts about size classes by which the engine makes room for them and launches them.
 namespace stiction::cuda {
 
 /// Lanes of a team that looks at one environment's structure.
@@ -24,7 +24,7 @@ inline bool is_thread_per_env(SizeClass size_class) {
   return size_class >= SizeClass::thread_large && size_class <= SizeClass::thread_small;
 }
 
-/// Whether environments can be sparse: so large that they are, or with cones of semidefinite.
+/// Returns true if environments can be sparse: so large that they are, or with semidefinite cones.
 inline bool may_be_sparse(const Capacity& capacity) {
   return choose_path(capacity.env_rows, 0, capacity.semidefinite) == EnvPath::sparse;
 }

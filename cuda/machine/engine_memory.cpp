@@ -158,7 +158,7 @@ const Workspace& Engine::method_workspace(SolverKind solver) const {
   return api_.kernels().solvers[static_cast<std::size_t>(solver)].workspace;
 }
 
-/// What dense environments of a batch of so many are under a method. One that factorises never takes a lane each.
+/// Returns the limits of a batch's dense environments under a method. One that factorises never takes a lane each.
 ClassLimits Engine::limits_for(const Workspace& method, Offset envs) const {
   ClassLimits limits = rules_.limits;
   if (envs >= rules_.many_per_processor * api_.facts().processors)
@@ -166,7 +166,7 @@ ClassLimits Engine::limits_for(const Workspace& method, Offset envs) const {
   return method.is_direct() ? limits.from(kFinestTeam) : limits;
 }
 
-/// What they are under a solver. The fallback chain's stages sort anew.
+/// Returns their limits under a solver. The fallback chain's stages sort anew.
 ClassLimits Engine::limits_for(SolverKind solver, Offset envs) const {
   return limits_for(solver == SolverKind::automatic ? Workspace{} : method_workspace(solver), envs);
 }
@@ -177,14 +177,14 @@ ClassLimits Engine::limits_for(SolverKind solver, const BatchStructure& batch) c
   return batch.block_visits > 1 ? limits.from(kFinestTeam) : limits;
 }
 
-/// What they are under a turn of the fallback chain. Few environments come to a later one, however large the batch is.
-/// A lane each would leave the device idle, and its classes would be launches for nothing.
+/// Returns their limits under a turn of the fallback chain. Few environments come to a later one, however large the
+/// batch is. A lane each would leave the device idle, and its classes would be launches for nothing.
 ClassLimits Engine::limits_of_turn(int turn, Offset envs) const {
   const SolverKind solver = turn_solver(turn);
   return turn == 0 ? limits_for(solver, envs) : limits_for(solver, 0).from(kFinestTeam);
 }
 
-/// Whether the capacity has environments that a turn of the fallback chain may be for.
+/// Returns true if the capacity has environments that a turn of the fallback chain may be for.
 bool Engine::may_take(int turn) const {
   const Capacity& capacity = reserved_.capacity;
   if (turn == kEarlyGradientTurn) return may_take_early_gradients(capacity.env_rows);

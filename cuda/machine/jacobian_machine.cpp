@@ -247,7 +247,7 @@ void DeviceJacobianMachine<Real>::launch(const KernelRef& kernel, const LaunchSh
   api_->launch(kernel, own, &args, stream);
 }
 
-/// Queues work on the arrays behind whatever used them last. What is captured is ordered where the graph is launched.
+/// Queues work on the arrays behind whatever used them last. Captured work is ordered where the graph is launched.
 template <class Real>
 template <class Work>
 void DeviceJacobianMachine<Real>::queue(StreamHandle stream, const Work& work) {

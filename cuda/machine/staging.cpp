@@ -137,7 +137,7 @@ void Staging::finish() noexcept {
   }
 }
 
-/// Where pieces begin, closed by the number of environments.
+/// Returns the start of each piece, closed by the number of environments.
 template <class Real>
 std::vector<Offset> Staging::cut(const SolveRequest<Real>& request) const {
   const ContactBatchView<Real>& batch = request.batch;

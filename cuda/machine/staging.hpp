@@ -27,7 +27,7 @@ class Staging {
   void solve(const SolveRequest<Real>& request);
 
  private:
-  /// Where a piece waits on its way to the device.
+  /// Memory in which a piece waits on its way to the device.
   struct Buffer {
     PinnedMemory host;
     DeviceMemory device;

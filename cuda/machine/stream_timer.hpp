@@ -26,7 +26,7 @@ class StreamTimer {
  public:
   explicit StreamTimer(DeviceApi& api) : api_(api) {}
 
-  /// What is queued from now on is timed for `tracer`. It is not timed at all if that is null, or while a stream is
+  /// Times work queued from now on for `tracer`. It is not timed at all if that is null, or while a stream is
   /// captured: a graph has no duration.
   void attach(Tracer* tracer, bool capturing);
 
@@ -42,7 +42,7 @@ class StreamTimer {
     timed->complete = true;
   }
 
-  /// Hands over what is done by now, without waiting. What a lost device does not tell is left out.
+  /// Hands over what is done by now, without waiting. Times that a lost device does not tell are left out.
   void collect() noexcept;
 
  private:
@@ -57,7 +57,7 @@ class StreamTimer {
   Timed* begin(const char* name, const char* detail, int lane, StreamHandle stream);
   /// The device's and the tracer's clock, looked at together.
   void set_zero();
-  /// Whether the span is off our hands.
+  /// Returns true if the span is off our hands.
   [[nodiscard]] bool export_spans(const Timed& timed);
 
   DeviceApi& api_;

@@ -138,7 +138,7 @@ void DeviceWorldMachine<Real>::launch_find() {
   launch(kernels_.find_near, teams_, lanes_of_tree(job_.model.shapes), &near_args);
 }
 
-/// Whether there was too little room for near pairs; there is enough afterwards.
+/// Returns true if there was too little room for near pairs; there is enough afterwards.
 template <class Real>
 bool DeviceWorldMachine<Real>::lacked_near_pairs() {
   if (!job_.model.by_tree) return false;
@@ -185,7 +185,7 @@ void DeviceWorldMachine<Real>::make_room(Contacts& contacts, Offset count) {
   contacts.room = room;
 }
 
-/// What planning reads.
+/// Returns the data that planning reads.
 template <class Real>
 void DeviceWorldMachine<Real>::fetch_structure() {
   const Offset count = host_.contacts.offsets.back();

@@ -4,7 +4,7 @@
 
 namespace stiction::cuda {
 
-/// What KernelRef::entry points at on a CUDA device.
+/// Target of KernelRef::entry on a CUDA device.
 struct CudaKernel {
   const void* function;  ///< a __global__ function of (Args, CudaShape)
   bool serial;           ///< every lane is a team of its own

@@ -30,7 +30,7 @@ DerivativePair cuda_relaxed_kernels(Precision precision);
 KernelRef cuda_unrolled_kernel(Precision precision);
 KernelRef cuda_lanes_kernel(Precision precision);
 
-/// Whether this build has machine code or PTX that the current device can run.
+/// Succeeds if this build has machine code or PTX that the current device can run.
 cudaError_t probe_kernel_image();
 
 }  // namespace stiction::cuda

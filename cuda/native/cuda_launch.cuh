@@ -9,7 +9,7 @@ namespace stiction::inline STICTION_ISA {
 
 static_assert(sizeof(CudaTeamMemory) == cuda::kTeamBytes && sizeof(CudaGridMemory) == cuda::kGridBytes);
 
-/// Whether one environment may have all blocks of a launch.
+/// True if one environment may have all blocks of a launch.
 template <class Program>
 inline constexpr bool kMayBeGrid = requires { requires Program::kTakesDevice; };
 
@@ -26,8 +26,8 @@ __device__ __noinline__ void run_as(TeamOf<Program>& team, const cuda::TeamId& i
   Program::run(team, id, args);
 }
 
-/// Most threads of a block of this program. The fewer, the more registers a thread may have. That one block fits on a
-/// multiprocessor is all that is asked: ptxas would keep registers for more, and move numbers to local memory.
+/// Most threads of a block of this program. The fewer, the more registers a thread may have. It asks only that one
+/// block fits on a multiprocessor: ptxas would keep registers for more, and move numbers to local memory.
 template <class Program>
 constexpr int most_threads() {
   if constexpr (requires { Program::kThreads; }) return Program::kThreads;

@@ -10,7 +10,7 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// What the lanes of a CudaTeam share.
+/// Memory that the lanes of a CudaTeam share.
 struct CudaTeamMemory {
   static constexpr int kSlotBytes = 256;
   alignas(16) unsigned char slot[2][kSlotBytes];          ///< values on their way to every lane
@@ -24,7 +24,7 @@ struct CudaGridMemory {
   alignas(16) unsigned char block[2][kMostBlocks * sizeof(double)];
 };
 
-/// Where a block's dynamic shared memory begins: what its teams share, then what programs keep there.
+/// Returns a block's dynamic shared memory: that of its teams, then that of programs.
 __device__ inline unsigned char* block_memory() {
   extern __shared__ __align__(16) unsigned char memory[];
   return memory;
@@ -39,11 +39,11 @@ __device__ __noinline__ inline void sync_grid() {
 /// run time only, so that one kernel serves every class; all branches on it are uniform. With kIsInWarp it is a warp at
 /// most, and no barrier asks.
 ///
-/// A block is `blockDim.x` lanes of each of `blockDim.y` teams. So what a part of a warp asks of its team is in special
+/// A block is `blockDim.x` lanes of each of `blockDim.y` teams. A team in a part of a warp has its shape in special
 /// registers. An object would lie in local memory, since it is handed to functions, and be read again at every step.
 ///
 /// In a block or a grid values pass through two slots, which alternate. A lane that fills a slot for the next but one
-/// time has passed the barrier between. So has every reader of the first, so one barrier for each exchange is enough.
+/// time has passed the barrier between. Every reader of the first has, too, so one barrier for each exchange is enough.
 template <bool kMayBeGrid, bool kIsInWarp = false>
 class CudaTeam {
   static_assert(!kMayBeGrid || !kIsInWarp);
@@ -214,7 +214,7 @@ class CudaTeam {
     return joined;
   }
 
-  /// What the lanes of a block share, whole team or not.
+  /// Returns the memory that the lanes of a block share, whole team or not.
   [[nodiscard]] __device__ CudaTeamMemory& own_block() const {
     return reinterpret_cast<CudaTeamMemory*>(block_memory())[threadIdx.y];
   }

@@ -8,7 +8,7 @@ namespace stiction::distributed {
 
 namespace {
 
-/// What a Newton step asks of the rows that a rank has.
+/// Operations of a Newton step on the rows that a rank has.
 struct RowsOf {
   const BlockMatrix& matrix;
   const Reach& reach;
@@ -132,7 +132,7 @@ bool DomainSpace::take_step(NewtonSequence& sequence) {
   assemble_curvature();
   solve_linear(SpaceSystem::symmetric, sequence.step_tolerance(energy));
   for_contacts([&](SpaceContact& contact) { relative_motion(contact, workspace_.step, contact.along); });
-  // Of a subdomain: f'd, d'Md, what contacts add to the slope at 0, and the magnitudes it is made of.
+  // Sums over a subdomain: f'd, d'Md, the contacts' part of the slope at 0, and the magnitudes it is made of.
   const auto begin = team_.sum<4>([&](int domain, std::array<double, 4>& sum) {
     sum[0] = dot_of_domain(team_, domain, workspace_.force, workspace_.step);
     for (const Index row : domains_.bodies[at(domain)]) sum[1] = sum[1] + curvature_of_body(workspace_, row);

@@ -14,7 +14,7 @@ namespace stiction::distributed {
 /// the same answers.
 class DomainSpace {
  public:
-  /// `points`: where bodies are. What is passed by reference outlives this.
+  /// `points`: where bodies are. Objects passed by reference outlive this.
   template <class Real>
   DomainSpace(Transport& transport, const BodyEnv<Real>& env, const SiParams& params, Law law, const Domains& domains,
               const Reach& reach, std::span<const int> home, std::span<const Point> points, Ordering ordering);
@@ -29,7 +29,7 @@ class DomainSpace {
   /// The centre moves to the reactions, the weight falls, and the first step of the new problem is taken.
   void renew_problem(NewtonSequence& sequence);
 
-  /// Where the weight of the proximal term ends.
+  /// Returns the last weight of the proximal term.
   [[nodiscard]] double least_weight() const;
   [[nodiscard]] const SpaceContact& contact(Index p) const { return workspace_.contact[p]; }
   /// Steps of the solvers of linear systems so far.

@@ -14,7 +14,7 @@ namespace stiction::inline STICTION_ISA {
 
 /// A rank as a team of one lane to the solvers of linear systems. Vectors have six numbers for each body of the
 /// environment; a rank has those of the bodies that it sees. Sums are over subdomains: each is summed by its rank in
-/// the order of its bodies, and then they are, in their own order. So ranks reach no bit.
+/// the order of its bodies, and then they are, in their own order. Ranks hence reach no bit.
 class DomainTeam {
  public:
   static constexpr Index kRowTile = SerialTeam::kRowTile;
@@ -75,7 +75,7 @@ void for_each(DomainTeam& team, Index, F&& f) {
     for (Index k = 0; k < kBodyBlock; ++k) f(body * kBodyBlock + k);
 }
 
-/// Of what a subdomain's own bodies have.
+/// Returns the dot product over a subdomain's own bodies.
 inline double dot_of_domain(const DomainTeam& team, int domain, const double* v, const double* w) {
   double sum = 0.0;
   for (const Index body : team.domains().bodies[static_cast<std::size_t>(domain)])

@@ -7,7 +7,7 @@
 
 namespace stiction::distributed {
 
-/// What a BodySolver without iterations says of impulses for one environment.
+/// Judges impulses for one environment by a BodySolver without iterations.
 template <class Real>
 class EnvJudge {
  public:
@@ -27,7 +27,7 @@ class EnvJudge {
         impulses);
     return judged_.status.front();
   }
-  /// What was judged last, with that status.
+  /// Publishes the last judged impulses, with that status.
   void publish(const EnvStatus& status) const {
     const BodySolutionView<Real>& out = env_.solution;
     std::copy(judged_.impulse.begin(), judged_.impulse.end(), out.impulse);

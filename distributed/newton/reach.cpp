@@ -104,7 +104,7 @@ Reach make_reach(const NewtonStream& stream, const Domains& domains, std::span<c
     const std::vector<Index> seen = bodies_of(stream.pattern, domains, home, other).seen;
     Neighbour corrections{other, {}, {}}, blocks{other, {}, {}};
     for_each_shared(reach, seen, home, rank, [&](Index slot) { corrections.send.push_back(slot); });
-    // What is sent is where the other sees a body, and what comes where this rank does: all that it has slots for.
+    // A body is sent where the other sees it, and received where this rank does: all that it has slots for.
     for_each_shared(reach, reach.seen, home, other, [&](Index slot) { corrections.receive.push_back(slot); });
     for (Index which = 0; which < domains.aggregates(); ++which) {
       const int from = rank_of(which);

@@ -7,7 +7,7 @@
 #include "distributed/newton/domains.hpp"
 #include "distributed/solve/halo.hpp"
 
-/// What one rank computes, and what it tells others. Numbers of bodies, positions and blocks are the environment's.
+/// Reach of one rank, and messages to others. Numbers of bodies, positions and blocks are the environment's.
 namespace stiction::distributed {
 
 struct Reach {

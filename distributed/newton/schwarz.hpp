@@ -18,7 +18,7 @@ class Schwarz {
   Schwarz(Transport& transport, const BlockPattern& pattern, const Domains& domains, const Reach& reach,
           std::span<const Point> points, Ordering ordering);
 
-  /// Of the reach's rows of H.
+  /// Prepares the reach's rows of H.
   void prepare(const BlockMatrix& H);
 
   /// As a preconditioner: z of all that are seen, from r of the reach's rows. One exchange.

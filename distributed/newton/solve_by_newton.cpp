@@ -94,7 +94,7 @@ class NewtonOfEnv {
     publish(end);
   }
 
-  // What solve_by_newton() of core/algorithm/newton calls.
+  // Functions that solve_by_newton() of core/algorithm/newton calls.
   NewtonSequence sequence{};
   double start() {
     const double residual = judge();

@@ -11,7 +11,7 @@
 /// gradients with two-level overlapping Schwarz (docs/math/domain_newton.md).
 namespace stiction::distributed {
 
-/// What it took, all environments together; on rank 0.
+/// Counts of all environments together; on rank 0.
 struct NewtonCounts {
   std::int64_t steps = 0;         ///< of Newton
   std::int64_t sweeps = 0;        ///< of sequential impulses, before them and where they are of no use

@@ -41,7 +41,7 @@ void require_slabs(const SolveArguments& arguments) {
     refuse("no rank has the whole solution", "leave out -o and --warm-start, or choose bisection");
 }
 
-/// What of a hash and of counts one rank has.
+/// Share of a hash and of counts that one rank has.
 struct Share {
   std::int64_t walls = 0, pairs = 0;  ///< contacts that are this rank's to answer for
 };
@@ -72,12 +72,12 @@ class Slab {
     return solve_part(transport_, view, bodies_, scene.stepping, options, impulse_.data(), report);
   }
 
-  /// Of all ranks.
+  /// Returns the shares of all ranks.
   [[nodiscard]] std::vector<Share> shares() const {
     return gather(transport_, Share{walls_, batch_.contact_count() - walls_ - pairs_below_});
   }
 
-  /// What this rank's impulses add to the hash of all, whose environment begins at that contact.
+  /// Returns this rank's part of the hash of all impulses, whose environment begins at that contact.
   [[nodiscard]] std::uint64_t hash(const std::vector<Share>& shares, Offset first) const {
     Offset walls_before = first, pairs_before = first;
     for (std::size_t rank = 0; rank < shares.size(); ++rank) {

@@ -5,7 +5,7 @@
 
 namespace stiction::distributed {
 
-/// What makes each rank make a slab of its own.
+/// Scene of which each rank makes a slab of its own.
 inline constexpr const char* kSlabs = "slabs";
 
 /// Solves scene granular-column by sequential impulses, each rank the slab that it makes itself. No rank has more, and

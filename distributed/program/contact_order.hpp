@@ -7,7 +7,7 @@
 
 namespace stiction::distributed {
 
-/// What a contact ended with.
+/// End state of a contact.
 struct EndedContact {
   std::int64_t env;
   std::uint64_t id;

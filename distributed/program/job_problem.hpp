@@ -7,7 +7,7 @@
 
 namespace stiction::distributed {
 
-/// What `stiction-mpi solve` solves, as every rank has it: bodies and contacts. Matrices of a file or a scene are not
+/// Problem of `stiction-mpi solve`, as every rank has it: bodies and contacts. Matrices of a file or a scene are not
 /// kept.
 template <class Real>
 struct JobProblem {

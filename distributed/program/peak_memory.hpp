@@ -4,7 +4,7 @@
 
 namespace stiction::distributed {
 
-/// Of this process, the most so far [bytes]; 0 where Linux's /proc is not there.
+/// Returns the peak memory of this process [bytes]; 0 where Linux's /proc is not there.
 std::int64_t peak_memory();
 
 }  // namespace stiction::distributed

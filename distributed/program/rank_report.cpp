@@ -49,7 +49,7 @@ Json json_of(const std::vector<RankReport>& ranks) {
   return all;
 }
 
-/// What ranks did, in a report that has the rest.
+/// Adds the ranks' work to a report that has the rest.
 void put_ranks(Json& json, const std::vector<RankReport>& ranks, const std::string& partition) {
   const Totals totals(ranks);
   json["ranks"] = ranks.size();

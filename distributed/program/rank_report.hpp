@@ -12,7 +12,7 @@
 
 namespace stiction::distributed {
 
-/// What `stiction-mpi solve` reports: what `stiction solve` does, and what its ranks did.
+/// Report of `stiction-mpi solve`: that of `stiction solve`, and the work of its ranks.
 struct JobReport {
   cli::SolveReport solve;
   std::string partition;
@@ -24,7 +24,7 @@ struct JobReport {
   std::vector<std::int64_t> peak_memory;  ///< of each rank's process, the most so far [bytes]
 };
 
-/// What one rank did in all steps. Bodies, ghosts and near bodies are those of the last.
+/// Work of one rank in all steps. Bodies, ghosts and near bodies are those of the last.
 struct StepRankReport {
   RankReport solve;
   StepTraffic rest;
@@ -33,7 +33,7 @@ struct StepRankReport {
 void add(RankReport& total, const RankReport& more);
 void add(StepTraffic& total, const StepTraffic& more);
 
-/// What `stiction-mpi step` reports.
+/// Report of `stiction-mpi step`.
 struct StepJobReport {
   cli::StepReport step;
   std::string partition;

@@ -29,7 +29,7 @@ class RankSteppedWorld final : public cli::SteppedWorld {
   WorldSeconds seconds() override;
   std::uint64_t hash() override;
 
-  /// What each rank did, by rank; all ranks get it.
+  /// Returns the work of each rank, by rank; all ranks get it.
   std::vector<StepRankReport> reports();
 
  private:

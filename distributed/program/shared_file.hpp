@@ -10,7 +10,7 @@
 
 namespace stiction::distributed {
 
-/// Where one rank's numbers of an array lie in it: `count` blocks of `block` numbers, `stride` apart, from `start` on.
+/// Part of an array that one rank has: `count` blocks of `block` numbers, `stride` apart, from `start` on.
 struct Slab {
   std::uint64_t total, start, stride, count, block;
 };
@@ -32,10 +32,10 @@ class SharedFile {
   virtual void commit() = 0;
 };
 
-/// Whether this program was built with parallel HDF5.
+/// Returns true if this program was built with parallel HDF5.
 bool has_shared_files();
-/// A file for arrays of so many bytes together. They are taken from the disk at once. So a disk that is too small is
-/// found here, where HDF5 cannot stumble over it. \throws Error(io), Error(unsupported) without has_shared_files()
+/// A file for arrays of so many bytes together. They are taken from the disk at once. A disk that is too small is
+/// hence found here, before HDF5 meets it. \throws Error(io), Error(unsupported) without has_shared_files()
 std::unique_ptr<SharedFile> make_shared_file(Transport& transport, const std::filesystem::path& path,
                                              std::uint64_t bytes);
 

@@ -56,7 +56,7 @@ int solve_in(Transport& transport, const SolveArguments& arguments, BodySolverOp
   const std::optional<std::uint64_t> seed = partition_seed(arguments.partition);
   const bool by_consensus = arguments.method == "consensus", by_newton = arguments.method == "newton";
   const int parts = by_consensus || by_newton ? arguments.consensus.subdomains : transport.size();
-  // Of Newton's method whole subdomains are dealt out, and they are always bisected.
+  // Newton's method deals out whole subdomains, and they are always bisected.
   const std::vector<int> owner =
       seed && !by_newton ? random_owners(view.body_count, parts, *seed) : bisect(centres_by_arms(view), parts);
   cli::SolveReport& solve = report.solve;

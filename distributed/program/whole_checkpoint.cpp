@@ -50,7 +50,7 @@ ContactRange range_of(Transport& transport, const WorldCheckpoint<double>& own) 
   return range;
 }
 
-/// What blocks of an array add to its hash.
+/// Returns the part of blocks of an array in its hash.
 std::uint64_t hash_of(std::span<const double> own, const Slab& slab) {
   std::uint64_t sum = 0;
   for (std::uint64_t k = 0; k < slab.count; ++k)

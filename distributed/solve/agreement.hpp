@@ -35,7 +35,7 @@ void add_options(Digest& digest, const TimeStepping& stepping, const BodySolverO
 /// \throws Error(invalid_argument) unless all ranks have rank 0's digest. `what`: what they have to be given.
 void require_agreement(Transport& transport, std::uint64_t digest, const char* what);
 
-/// Of a batch, its owners and how it is solved.
+/// Returns the digest of a batch, its owners and how it is solved.
 template <class Real>
 std::uint64_t digest_of(const BodyBatchView<Real>& batch, std::span<const int> owner, const TimeStepping& stepping,
                         const BodySolverOptions& options, const Real* warm_start);

@@ -8,7 +8,7 @@
 
 namespace stiction::distributed {
 
-/// What one rank sends to and takes from another in a round: rows by local number, in the order of the bodies' own.
+/// Messages between two ranks in a round: rows by local number, in the order of the bodies' own.
 struct Neighbour {
   int rank = 0;
   std::vector<Index> send, receive;
@@ -18,7 +18,7 @@ struct Neighbour {
 /// is no exchange.
 using Rounds = std::vector<std::vector<Neighbour>>;
 
-/// What a round has of a rank, in order of ranks.
+/// Returns a rank's part of a round, in order of ranks.
 Neighbour& neighbour_of(std::vector<Neighbour>& round, int rank);
 
 /// Carries out rounds over a transport. Not a template of an instruction set: kernels of each call it.

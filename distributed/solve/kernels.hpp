@@ -13,7 +13,7 @@ struct RankKernels {
   void (*solve)(const BodyJob<Real>& piece, Real* numbers, double* exact, Halo& halo);
 };
 
-/// Those of the widest instruction set that the CPU runs, for contacts of that law (contact_law).
+/// Returns the kernels of the widest instruction set that the CPU runs, for contacts of that law (contact_law).
 template <class Real>
 RankKernels<Real> rank_kernels(Law law);
 

@@ -6,8 +6,8 @@
 
 namespace stiction::distributed {
 
-/// What takes the time in linear systems over subdomains, compiled for one instruction set; all give the same bits.
-/// A matrix is a pattern and its blocks of 36 numbers.
+/// Kernels that take the time in linear systems over subdomains, compiled for one instruction set; all give the same
+/// bits. A matrix is a pattern and its blocks of 36 numbers.
 struct PartKernels {
   void (*factor)(const BlockFactorView& plan, const BlockPattern& pattern, double* blocks, double* values);
   void (*solve)(const BlockFactorView& plan, const double* values, const double* r, double* z);
@@ -16,7 +16,7 @@ struct PartKernels {
                    double* y);
 };
 
-/// Those of the widest instruction set that the CPU runs.
+/// Returns the kernels of the widest instruction set that the CPU runs.
 PartKernels part_kernels();
 
 }  // namespace stiction::distributed

@@ -12,7 +12,7 @@ namespace stiction::distributed {
 
 using Point = std::array<double, 3>;
 
-/// Where the bodies of a batch are, relative to one another: arms say how far apart the two bodies of a contact are.
+/// Positions of a batch's bodies, relative to one another: arms say how far apart the two bodies of a contact are.
 /// Groups of bodies that no contacts join, but for the world's, are set side by side along x. A body that touches no
 /// other is where the one before it is.   (body_count)
 template <class Real>

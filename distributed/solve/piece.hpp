@@ -17,8 +17,8 @@ class Visitors {
   /// `owner`: the rank of each body of the environment.
   Visitors(const BodyPlanData& data, Offset env, std::span<const int> owner);
 
-  /// Owners of the bodies that the contact at position p pushes, `first` that of the lower side. Where nothing is
-  /// pushed, both are the owner of a body that is there.
+  /// Owners of the bodies that the contact at position p pushes, `first` that of the lower side. If nothing is pushed,
+  /// both are the owner of a body that is there.
   struct Pair {
     int first, second;
     [[nodiscard]] bool has(int rank) const { return rank == first || rank == second; }
@@ -47,7 +47,7 @@ class Piece {
   /// Ghosts: bodies that another rank owns.
   [[nodiscard]] Offset ghosts() const;
 
-  /// What the rank answers for: impulse and w of each contact whose home it is, then twists of the bodies it owns.
+  /// Returns the rank's results: impulse and w of each contact whose home it is, then twists of the bodies it owns.
   [[nodiscard]] std::vector<Real> answer(bool with_w) const;
   [[nodiscard]] const EnvStatus& status() const { return status_; }
 

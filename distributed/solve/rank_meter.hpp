@@ -6,7 +6,7 @@
 
 namespace stiction::distributed {
 
-/// What a rank sends and waits for from here on.
+/// Measures a rank's messages and waits from here on.
 class RankMeter {
  public:
   explicit RankMeter(const Transport& transport)

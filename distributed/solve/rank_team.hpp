@@ -8,7 +8,7 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// A rank as an algorithm's team of one lane. What is largest, or set, is so over all ranks, folded in their order.
+/// A rank as an algorithm's team of one lane. Maxima and flags are folded over all ranks, in their order.
 class RankTeam {
  public:
   static constexpr Index kRowTile = SerialTeam::kRowTile;

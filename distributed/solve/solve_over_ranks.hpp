@@ -10,7 +10,7 @@
 /// Sequential impulses of one scene over several ranks, with the bits of one process (docs/howto/ranks.md).
 namespace stiction::distributed {
 
-/// What one rank did, all environments together.
+/// Work of one rank, all environments together.
 struct RankReport {
   double seconds = 0;       ///< of the iteration, without planning and collecting [s]
   double waited = 0;        ///< of those, for other ranks [s]

@@ -16,9 +16,9 @@ struct Visit {
   int other;  ///< owner of the other side; the body's own where there is none
 };
 
-/// tell(round) for each round in which the ghost that rank `ghost` has of a body is sent. That rank visits some of the
-/// body's contacts. Before it visits one, it has to be told what other contacts have done to the body since. `visits`:
-/// all of the body's, in order of colour.
+/// tell(round) for each round in which the ghost that rank `ghost` has of a body is sent. The other rank visits some
+/// of the body's contacts. Before it visits one, it has to be told what other contacts have done to the body since.
+/// `visits`: all of the body's, in order of colour.
 template <class F>
 void for_each_round(std::span<const Visit> visits, int ghost, Index colors, F&& tell) {
   bool is_stale = false;

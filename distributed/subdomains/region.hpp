@@ -51,9 +51,9 @@ class Region {
   [[nodiscard]] const std::vector<ConsensusGap>& gaps() const {
     return gaps_;
   }  ///< of each subdomain here, in the last round
-  /// Whether a round has changed an impulse since this was last asked.
+  /// Returns true if a round has changed an impulse since this was last asked.
   [[nodiscard]] bool has_moved();
-  /// Whether a subdomain had no finite answer in some round so far.
+  /// Returns true if a subdomain had no finite answer in some round so far.
   [[nodiscard]] bool is_broken() const { return is_broken_; }
   /// By contact of each subdomain here, in their order.
   [[nodiscard]] const std::vector<Real>& impulses() const { return impulse_; }

@@ -8,8 +8,8 @@
 
 namespace stiction::distributed {
 
-/// What ranks tell one another while none waits: what their copies ask for, and how many rounds they have made since
-/// all met. Each rank knows the rounds of every other one, be it a neighbour or not.
+/// Messages between ranks while none waits: their copies' requests, and how many rounds they have made since all met.
+/// Each rank knows the rounds of every other one, be it a neighbour or not.
 class RoundLetters {
  public:
   /// `neighbours`: rows of six numbers that are sent to and taken from ranks.
@@ -23,7 +23,7 @@ class RoundLetters {
   void take(double* rows);
   /// Waits for a letter of a rank that has not made enough rounds; there is one.
   void await(double* rows);
-  /// Whether every other rank has made kConsensusRounds.
+  /// Returns true if every other rank has made kConsensusRounds.
   [[nodiscard]] bool all_are_ready() const { return first_behind() < 0; }
   /// No letter is on its way any more. All ranks call it.
   void finish();

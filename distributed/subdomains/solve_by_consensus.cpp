@@ -49,7 +49,7 @@ BodySolverOptions with_iterations(BodySolverOptions options, Index iterations, d
   return options;
 }
 
-/// What ranks decide by, one after another in the same round: the residual, and how far copies are apart.
+/// Numbers that ranks decide by, one after another in the same round: the residual, and how far copies are apart.
 struct Assessment {
   double residual = 0;  ///< absolute [w]
   ConsensusGap gap;
@@ -163,8 +163,8 @@ class ConsensusOfEnv {
     return rounds * sweeps_a_round_ <= options_.iterations - sweeps;
   }
 
-  /// Where all ranks meet, `rounds` after they last did: whether that was the end, as it is without room for as many
-  /// more. If not, how the next ones are made.
+  /// Meeting of all ranks, `rounds` after the last: returns true if that was the end, as it is without room for as
+  /// many more. If not, how the next ones are made.
   bool conclude(Offset rounds) {
     const Assessment now = assess();
     most_sweeps_ = now.sweeps;
@@ -182,7 +182,7 @@ class ConsensusOfEnv {
     return false;
   }
 
-  /// Keeps the impulses if they are the best so far. Whether a judge finds that they are the answer.
+  /// Keeps the impulses if they are the best so far. Returns true if a judge finds that they are the answer.
   bool keep_best(const Assessment& now) {
     if (!(now.residual < best_)) return false;
     best_ = now.residual;
@@ -276,7 +276,7 @@ class ConsensusOfEnv {
         for (const Index contact : parts_.contacts[at(subdomain)]) f(contact);
   }
 
-  /// What a solver without sweeps says of those impulses, which stays in judged_.
+  /// Returns the verdict of a solver without sweeps on those impulses, which stays in judged_.
   EnvStatus verdict(const Real* impulses) {
     judged_.impulse.resize(at(3 * env_.view.contact_count));
     judged_.w.resize(judged_.impulse.size());

@@ -24,7 +24,7 @@ std::unique_ptr<Transport> mpi_transport(double deadline_seconds);
 /// Tells all higher ranks that this one says why the job ends. Waits a second at most until they can know.
 void mpi_say_refused();
 
-/// Whether a lower rank has said so.
+/// Returns true if a lower rank has said so.
 bool mpi_is_refused();
 
 /// Ends all ranks at once with that exit status; they may be waiting, or stopped.

@@ -32,7 +32,7 @@ struct Sent {
 };
 using Box = std::deque<Sent>;
 
-/// What is on its way, the ranks' clocks, and whether a rank has failed.
+/// Messages on their way, the ranks' clocks, and a flag for a rank that has failed.
 class Post {
  public:
   /// Without a latency all that was sent is there, and clocks say nothing.
@@ -111,14 +111,14 @@ class Post {
     if (!bytes.empty()) std::memcpy(in.bytes.data(), bytes.data(), bytes.size());
   }
 
-  /// Whether what one rank sends at that time of arrival is before another rank's now. Of equal times, the lower rank
-  /// is first: so one of two ranks always goes on.
+  /// Returns true if a rank's message of that time of arrival comes before another rank's now. At equal times, the
+  /// lower rank is first: so one of two ranks always goes on.
   [[nodiscard]] bool is_before(double arrives, int from, int to) const {
     const double now = ranks_[at(to)].clock;
     return !latency_ || arrives < now || (arrives == now && from < to);
   }
 
-  /// Whether all that may arrive at a rank by its clock has been sent: every other rank's next letter comes later.
+  /// True if all that may arrive at a rank by its clock has been sent: every other rank's next letter comes later.
   [[nodiscard]] bool is_known(int to) const {
     for (int other = 0; other < ranks(); ++other) {
       const Rank& rank = ranks_[at(other)];

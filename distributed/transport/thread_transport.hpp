@@ -19,9 +19,9 @@ class ClockedTransport : public Transport {
   [[nodiscard]] virtual double seconds() const = 0;
 };
 
-/// As run_thread_ranks(), on clocks. What is sent arrives `latency` seconds later, and a rank takes the letters that
-/// have arrived by its clock. So times, what is taken and all that follows are the same on every machine, however busy
-/// it is. \throws Error(invalid_argument) also unless latency >= 0
+/// As run_thread_ranks(), on clocks. A letter arrives `latency` seconds after it is sent, and a rank takes those that
+/// have arrived by its clock. Times, letters taken and all that follows are hence the same on every machine, however
+/// busy it is. \throws Error(invalid_argument) also unless latency >= 0
 void run_clocked_ranks(int ranks, double deadline_seconds, double latency,
                        const std::function<void(ClockedTransport&)>& work);
 

@@ -16,7 +16,7 @@ struct Outgoing {
   std::span<const std::byte> bytes;
 };
 
-/// Where the bytes of a rank go: as many as it sends.
+/// Destination of a rank's bytes: as many as it sends.
 struct Incoming {
   int from = 0;
   std::span<std::byte> bytes;
@@ -28,7 +28,7 @@ class RankLost : public Error {
   explicit RankLost(const std::string& message) : Error(ErrorCode::device_failure, message) {}
 };
 
-/// What one rank has sent and waited for so far.
+/// Counts of one rank's messages and waits so far.
 struct Traffic {
   std::int64_t exchanges = 0;  ///< with neighbours
   std::int64_t gathers = 0;    ///< with all ranks
@@ -53,7 +53,7 @@ class Transport {
   /// Sends letters, which a rank takes when it looks for them, and does not wait. The bytes may change at once.
   /// Exchanges do not see letters. \throws RankLost
   void post(std::span<const Outgoing> out);
-  /// Takes the oldest letter of a rank that is here and was not taken. Whether there was one. \throws RankLost
+  /// Takes the oldest letter of a rank that is here and was not taken. Returns true if there was one. \throws RankLost
   bool take(const Incoming& in);
   /// Waits for a letter of a rank, and takes it. \throws RankLost
   void await(const Incoming& in);

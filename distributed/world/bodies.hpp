@@ -10,7 +10,7 @@
 /// Bodies and contacts of one rank of a world that no rank holds as a whole (docs/howto/ranks.md).
 namespace stiction::distributed {
 
-/// What the next step depends on of one body: shapes and units of WorldCheckpoint.
+/// State of one body that the next step depends on: shapes and units of WorldCheckpoint.
 template <class Real>
 struct BodyNumbers {
   Real position[3], orientation[4], twist[6], wrench[6];
@@ -53,7 +53,7 @@ struct BodyList {
   }
 };
 
-/// What contacts ended with, by id, ascending.
+/// End states of contacts, by id, ascending.
 template <class Real>
 struct Impulses {
   std::vector<std::uint64_t> id;

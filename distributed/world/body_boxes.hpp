@@ -7,7 +7,7 @@
 
 namespace stiction::distributed {
 
-/// Where a body's shapes may come within a step, with half the margin [m].
+/// Box that a body's shapes may reach within a step, with half the margin [m].
 struct BodyBox {
   static constexpr double kFar = std::numeric_limits<double>::infinity();
   double low[3] = {kFar, kFar, kFar}, high[3] = {-kFar, -kFar, -kFar};  ///< holds nothing

@@ -162,7 +162,7 @@ class Coloring {
     for (Index body = 0; body < static_cast<Index>(bodies_.body.size()); ++body) ready_.push_back(body);
   }
 
-  /// Whether all before a vertex have their colours at that body of this rank's.
+  /// Returns true if all before a vertex have their colours at that body of this rank's.
   [[nodiscard]] bool is_next(Index body, Index v) const {
     return next_[at(body)] < end_[at(body)] && list_[at(next_[at(body)])] == v;
   }

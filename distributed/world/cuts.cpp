@@ -28,7 +28,7 @@ float coordinate_of(std::uint64_t key) {
   return std::bit_cast<float>((ordered & 0x80000000U) != 0 ? ordered & 0x7fffffffU : ~ordered);
 }
 
-/// What ranks know together of the points of a half.
+/// Extent of the points of a half, known to all ranks.
 struct Extent {
   std::uint64_t low[3] = {~std::uint64_t{0}, ~std::uint64_t{0}, ~std::uint64_t{0}}, high[3] = {0, 0, 0};
   std::int64_t points = 0;

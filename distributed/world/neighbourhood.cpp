@@ -17,7 +17,7 @@ template <class Real>
 NearBodies<Real> find_near_bodies(Transport& transport, const BodyList<Real>& own, PartOfWorld<Real>& part) {
   std::vector<BodyBox> boxes(own.size());
   find_body_boxes(part.arrays().job(), boxes);
-  /// What a rank says of its bodies.
+  /// Reach of a rank's bodies.
   struct Reach {
     BodyBox box;
     std::int64_t bodies;
@@ -86,7 +86,7 @@ void StepPiece<Real>::detect(const WorldModelView<Real>& whole, PartOfWorld<Real
   std::vector<FoundContact<Real>> found(at(count));
   kernels.list_contacts(job, 0, workspace.data(), static_cast<Index>(near), pairs.data(), found.data());
 
-  // Those that push a body of this rank's, with the whole's number of their pair.
+  // Pairs that push a body of this rank's, with the whole's number of their pair.
   std::vector<ShapePair> ends;
   std::size_t kept = 0;
   for (const FoundContact<Real>& contact : found) {
@@ -102,7 +102,7 @@ void StepPiece<Real>::detect(const WorldModelView<Real>& whole, PartOfWorld<Real
   contacts_.resize(static_cast<Offset>(kept));
   const std::vector<Offset> last_offsets{0, static_cast<Offset>(last.id.size())};
   ContactSink<Real> sink{contacts_.view(), {}, keep};
-  // What is remembered is read alone.
+  // Remembered contacts are only read.
   std::vector<std::uint64_t> id = last.id;
   std::vector<Real> impulse = last.impulse;
   if (keep > 0) {

@@ -37,7 +37,7 @@ class StepPiece {
   [[nodiscard]] HostContacts<Real>& contacts() { return contacts_; }
   [[nodiscard]] const HostContacts<Real>& contacts() const { return contacts_; }
   [[nodiscard]] BodyBatchView<Real> batch() const;
-  /// Whether this rank answers for a contact that two ranks have.
+  /// Returns true if this rank answers for a contact that two ranks have.
   [[nodiscard]] bool is_home(Offset contact) const;
 
  private:

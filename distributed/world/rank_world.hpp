@@ -11,7 +11,7 @@
 
 namespace stiction::distributed {
 
-/// What one rank did in all steps beside the solves.
+/// Messages of one rank in all steps beside the solves.
 struct StepTraffic {
   WorldSeconds seconds;          ///< detection is with ghosts and migration; `solve` is RankReport's [s]
   std::int64_t near_bodies = 0;  ///< bodies that it looked for contacts among in the last step, its own and ghosts
@@ -47,7 +47,7 @@ class RankWorld {
   [[nodiscard]] WorldMotion motion() const;                   ///< of this rank's bodies
   [[nodiscard]] const RankReport& solve_report() const { return report_; }
   [[nodiscard]] const StepTraffic& step_traffic() const { return step_traffic_; }
-  /// Whether an id is of a pair of shapes of this scene.
+  /// Returns true if an id is of a pair of shapes of this scene.
   [[nodiscard]] bool has_pair(std::uint64_t contact_id) const;
   /// The id's bodies, -1 for the world. The id is one of those.
   [[nodiscard]] ShapePair pair_of(std::uint64_t contact_id) const;

@@ -62,7 +62,7 @@ MISTAKES = {
 
 
 def with_torch():
-    """What PyTorch's own state adds, where PyTorch is installed."""
+    """Memory that PyTorch's own state adds, where PyTorch is installed."""
     try:
         import torch
     except ImportError:

@@ -85,7 +85,7 @@ class RigidStep:
 
 
 def rigid_model(xml):
-    """That model with contacts found before they touch, so that nothing need penetrate."""
+    """Returns that model with contacts found before they touch, so that nothing need penetrate."""
     model = mujoco.MjModel.from_xml_string(xml)
     model.geom_margin[:] = 0.005
     return model

@@ -4,8 +4,8 @@
     pip install pybullet        (without it: stiction and the answers by hand)
     examples/python/13_boxed_friction.py
 
-Friction is mu times the weight, on each axis (boxed) or on the whole (Coulomb). So it holds a box that is pulled
-between the axes with 0.6 of its weight, where mu is 0.5, and Coulomb's law does not.
+Friction is mu times the weight, on each axis (boxed) or on the whole (Coulomb). It therefore holds a box that is
+pulled between the axes with 0.6 of its weight, where mu is 0.5, and Coulomb's law does not.
 """
 
 import math

@@ -24,7 +24,7 @@ auto numbers(const T* first, Offset count) {
   return std::span(first, static_cast<std::size_t>(count));
 }
 
-/// What Batch.from_bodies() takes, over the memory of `owner`.
+/// Arguments of Batch.from_bodies(), over the memory of `owner`.
 template <class Real>
 nb::dict arrays_of(const JacobianBodies<Real>& bodies, nb::handle owner) {
   const BodyBatchView<Real> from = bodies.batch.view();

@@ -45,7 +45,7 @@ struct Buffers {
   ffi::AnyBuffer A, b, mu, R, lo, hi;
   ffi::Result<ffi::AnyBuffer> lambda, w, status;
 
-  /// Whether all are of A's precision, and have its environments.
+  /// Returns true if all are of A's precision, and have its environments.
   [[nodiscard]] bool fit() {
     const ffi::DataType precision = A.element_type();
     if (precision != ffi::DataType::F32 && precision != ffi::DataType::F64) return false;

@@ -13,8 +13,8 @@
 
 namespace stiction::python {
 
-/// Where fields lie in MuJoCo's structures [bytes from their beginning], and the sizes of one model. The Python side
-/// reads them from the MuJoCo that is installed, so that no header of it is needed here and any version will do.
+/// Positions of fields in MuJoCo's structures [bytes from their beginning], and the sizes of one model. The Python
+/// side reads them from the MuJoCo that is installed, so that no header of it is needed here and any version will do.
 struct MujocoLayout {
   // mjData: numbers
   std::size_t time, nefc, flg_rnepost;
@@ -45,7 +45,7 @@ struct MujocoFunctions {
 };
 using MujocoFunction = void (*)(const void* model, void* data);
 
-/// What is done to one simulation here, between MuJoCo's functions. The stages of rk4 are parts of mj_RungeKutta:
+/// Stage done to one simulation here, between MuJoCo's functions. The stages of rk4 are parts of mj_RungeKutta:
 /// begin, then enter and leave for each of 1 to 3, then end. Forward dynamics and the solve come between enter and
 /// leave.
 enum class OwnStage : std::uint8_t {
@@ -69,14 +69,14 @@ struct MujocoStage {
   OwnStage own = OwnStage::end;
 };
 
-/// What gather() does with simulations that have no rows, whose accelerations are those without constraints.
+/// Treatment of simulations without rows in gather(), whose accelerations are those without constraints.
 enum class Rowless : bool {
   left_out,  ///< no number of theirs is read, and no solver is told of them
   kept,      ///< they are gathered as others are: for who wants masses of all, or puts others into their places
 };
 
-/// Simulations of one MuJoCo model whose constraints are solved in one batch, on one thread. Those that are not active
-/// are left alone by every call. The bits of a simulation depend on it alone.
+/// Simulations of one MuJoCo model whose constraints are solved in one batch, on one thread. Inactive simulations are
+/// left alone by every call. The bits of a simulation depend on it alone.
 class MujocoChunk {
  public:
   /// `data`: addresses of mjData structures that outlive this, as the layout does. `first`: number of the first one.
@@ -105,17 +105,17 @@ class MujocoChunk {
   void read(std::size_t offset, std::size_t width, double* to) const;
   /// Drops what simulations that start over would start from.
   void reset_warm_start(std::size_t simulation);
-  /// What solves begin with takes M in that form (docs/math/auto.md).
+  /// Returns the form of M that solves with these options read (docs/math/auto.md).
   static MassForm mass_form_of(const SolverOptions& options, Index nv);
-  /// Whether solves start from MuJoCo's qacc_warmstart, for which Newton's method in velocities needs no reactions.
-  /// What it leaves to others starts without any.
+  /// Returns true if solves start from MuJoCo's qacc_warmstart, for which Newton's method in velocities needs no
+  /// reactions. Environments that it leaves to others start without any.
   [[nodiscard]] bool starts_from_accelerations() const {
     return system_.mass_form == MassForm::matrix && options_.law.value_or(Law::convex) == Law::convex;
   }
 
-  /// What the last solve was told, and its answers.
+  /// Returns the input of the last solve, and its answers.
   [[nodiscard]] const MujocoSystem& system() const noexcept { return system_; }
-  /// That system with the simulations that were left out, whose masses and accelerations are read now.
+  /// Returns that system with the simulations that were left out, whose masses and accelerations are read now.
   [[nodiscard]] MujocoSystem whole_system() const;
   [[nodiscard]] std::size_t size() const noexcept { return data_.size(); }
 
@@ -146,7 +146,7 @@ class MujocoChunk {
   void fill_jacobian(const std::byte* data, double* J, Index rows) const;
   void fill_mass(const std::byte* data, double* M) const;
   void fill_factor(const std::byte* data, double* factor) const;
-  /// Where the batch has a degree of freedom of MuJoCo's.
+  /// Returns the batch's index of a degree of freedom of MuJoCo's.
   [[nodiscard]] std::size_t place_of(std::size_t dof) const {
     return system_.mass_form == MassForm::matrix ? dof : static_cast<std::size_t>(layout_.nv) - 1 - dof;
   }

@@ -103,7 +103,7 @@ auto unlocked(const Work& work) {
   return work();
 }
 
-/// What the last solve had; copies.
+/// Returns copies of the last solve's arrays.
 nb::dict arrays_of(const MujocoSimulations& simulations) {
   auto kept = std::make_unique<MujocoSystem>(unlocked([&] { return simulations.system(); }));
   const MujocoSystem& system = *kept;

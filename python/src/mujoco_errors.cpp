@@ -17,7 +17,7 @@ struct Message {
 };
 constexpr int kError = 3;  ///< mjLOG_ERROR
 
-/// Of this thread, while it is in a function of MuJoCo's.
+/// State of this thread, while it is in a function of MuJoCo's.
 struct Call {
   std::jmp_buf* back = nullptr;
   MujocoHandler others = nullptr;  ///< takes what is no error

@@ -7,8 +7,8 @@ namespace stiction::python {
 /// MuJoCo's handler of messages of one thread, which gets an mjLogMessage.
 using MujocoHandler = void (*)(const void* message);
 
-/// What sets the handler of the calling thread, and returns the last one, and what returns that of all threads. Null
-/// where MuJoCo has it not (before 4): errors end the program there, as MuJoCo says.
+/// Function that sets the handler of the calling thread, and returns the last one, and function that returns that of
+/// all threads. Null where MuJoCo has it not (before 4): errors end the program there, as MuJoCo says.
 struct MujocoHandlers {
   MujocoHandler (*set_of_thread)(MujocoHandler handler) = nullptr;
   MujocoHandler (*of_all)() = nullptr;
@@ -22,7 +22,7 @@ class MujocoErrors {
   MujocoErrors(const MujocoErrors&) = delete;
   MujocoErrors& operator=(const MujocoErrors&) = delete;
 
-  /// function(model, data). What MuJoCo has on its stack when it fails is dropped without destructors.
+  /// function(model, data). MuJoCo's stack is dropped without destructors when it fails.
   /// \throws Error(unsupported) with MuJoCo's words, and the number of the simulation.
   void call(void (*function)(const void* model, void* data), const void* model, void* data,
             std::size_t simulation) const;

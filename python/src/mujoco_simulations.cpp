@@ -12,8 +12,8 @@ namespace stiction::python {
 
 namespace {
 
-/// Bytes of the simulations of a chunk. What 16 humanoids touch in a step is about what a core's second cache holds; 64
-/// took up to 1.4 times as long for each. Smaller ones share packs with more of their kind.
+/// Bytes of the simulations of a chunk. A core's second cache holds about the memory that 16 humanoids touch in a
+/// step; 64 took up to 1.4 times as long for each. Smaller ones share packs with more of their kind.
 constexpr std::size_t kChunkBytes = std::size_t{1} << 19;
 constexpr std::size_t kPack = 16,
                       kLargestChunk = 64;  ///< chunks are of so many simulations each, or of several times that
@@ -29,7 +29,7 @@ constexpr int kSteps = 16;
 class Watch {
  public:
   explicit Watch(std::array<double, 4>& seconds) : seconds_(seconds) {}
-  /// What went by since the last call was this part.
+  /// Adds the time since the last call to this part.
   void was(std::size_t part) {
     const Clock::time_point now = Clock::now();
     seconds_[part] += std::chrono::duration<double>(now - last_).count();

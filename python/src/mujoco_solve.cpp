@@ -15,7 +15,7 @@ void MujocoChunk::make_room() {
   options.threads = options_.threads;
   store_ = std::make_unique<WarmStartStore<double>>(Device::cpu(), WarmStartCapacity{envs, 2 * cones + 1, 2 * rows + 1},
                                                     options);
-  // What the smaller one knew, without what was reset since: room must not reach a bit.
+  // Reactions of the smaller one, without those reset since: room must not reach a bit.
   if (previous_.env_row_offsets.size() != data_.size() + 1) return;
   store_->store(previous_.layout(), previous_.cone_id.data(),
                 {previous_.lambda.data(), nullptr, previous_.status.data()}, layout_.timestep);
@@ -36,7 +36,7 @@ void MujocoChunk::solve(JacobianSolver<double>& solver, const double* tolerance,
   const JacobianBatchView<double> part = solved_.take(system_, tolerance, max_iterations);
   if (part.env_count > 0)
     solver.solve(part, {system_.lambda.data(), nullptr, system_.velocity.data(), solved_.status()}, start);
-  // What a solver says of an environment without rows; auto begins with this one.
+  // Solver named for an environment without rows; auto begins with this one.
   const SolverKind named = options_.solver == SolverKind::automatic ? SolverKind::velocity_newton : options_.solver;
   solved_.hand_out(system_, EnvStatus{0.0, 0.0, 0, 0, EnvCode::solved, named, {0, 0}, 0});
   for (std::size_t env = 0; env < data_.size(); ++env)

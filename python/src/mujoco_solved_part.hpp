@@ -13,7 +13,7 @@ class SolvedPart {
   /// The batch, which lasts until this is called again. Limits are as in JacobianBatchView, of all simulations, or
   /// null.
   JacobianBatchView<double> take(const MujocoSystem& system, const double* tolerance, const Index* max_iterations);
-  /// Where the batch's records go.
+  /// Returns the destination of the batch's records.
   [[nodiscard]] EnvStatus* status() noexcept { return status_.data(); }
   /// Puts them where the system has them; those of others are `otherwise`.
   void hand_out(MujocoSystem& system, const EnvStatus& otherwise) const;

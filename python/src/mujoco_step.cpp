@@ -30,12 +30,12 @@ void correct_rotation(const double* u, double* w) {
 /// mjtConstraintState.
 enum State : int { satisfied = 0, quadratic = 1, linear_negative = 2, linear_positive = 3, on_cone = 4 };
 
-/// What a reaction may miss the border of its cone by and still lie on it: a few roundings, from scaling and back.
+/// Distance from a cone's border at which a reaction still lies on it: a few roundings, from scaling and back.
 constexpr double kBorder = 1 - 1e-9;
 
-/// Where a cone's reaction lies, in the words of MuJoCo. It is without force, where force grows with the square of the
-/// violation, or on the border of an elliptic cone. Or it is at the end of a friction loss (named by the sign of J
-/// qacc - aref).
+/// Returns the state of a cone's reaction, in the words of MuJoCo. It is without force, where force grows with the
+/// square of the violation, or on the border of an elliptic cone. Or it is at the end of a friction loss (named by the
+/// sign of J qacc - aref).
 State state_of(ConeKind kind, std::size_t row, std::size_t rows, const MujocoSystem& system) {
   const double* force = system.lambda.data() + row;
   switch (kind) {

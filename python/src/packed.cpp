@@ -83,8 +83,8 @@ class PackedBatch {
     }
   }
 
-  /// What each of `count` sets of reactions is worth in each environment, the less the better. That is the dual energy
-  /// under the convex law, the natural residual [w] under Coulomb's.
+  /// Computes the worth of each of `count` sets of reactions in each environment, the less the better. It is the dual
+  /// energy under the convex law, the natural residual [w] under Coulomb's.
   void weigh(const std::string& law, const Array& lambda, Offset count, const Array& to) const {
     const Law chosen = law_from(law);
     const double* const x = read(lambda, count);

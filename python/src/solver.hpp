@@ -24,7 +24,7 @@ struct Outputs {
   const Array* status = nullptr;
 };
 
-/// Where a solve of J and M starts; those that are not given are null.
+/// Start of a solve of J and M; arrays that are not given are null.
 struct Start {
   const Array* reactions = nullptr;
   const Array* velocities = nullptr;
@@ -70,7 +70,7 @@ class FormSolver {
 Capacity larger_of(const Capacity& a, const Capacity& b);
 bool same(const Capacity& a, const Capacity& b);
 
-/// What a solve writes, as the C++ interface takes it. \throws nanobind errors if an array has another type or is
+/// Outputs of a solve, as the C++ interface takes them. \throws nanobind errors if an array has another type or is
 /// short.
 template <class Real>
 SolutionView<Real> solution_view(const Outputs& out, Offset row_count, Offset env_count);

@@ -19,7 +19,7 @@ namespace stiction::python {
 
 namespace {
 
-/// What was copied out of a world, as NumPy arrays that own it.
+/// Returns copies of a world's arrays, as NumPy arrays that own them.
 template <class T>
 nb::object as_numpy(std::vector<T> values) {
   auto* const kept = new std::vector<T>(std::move(values));
@@ -161,7 +161,7 @@ class SharedWorld {
     });
   }
 
-  /// Of what is not given the world keeps its own; of none at all it takes the description's.
+  /// The world keeps its own where an array is not given; if none is, it takes the description's.
   void reset(const Array& mask, const Array* position, const Array* orientation, const Array* twist) {
     visit([&]<class Real>(World<Real>& world) {
       const std::span<const std::uint8_t> chosen = span_of<std::uint8_t>(mask, "mask");

@@ -4,9 +4,9 @@
     envs = stiction.envs.MujocoVectorEnv("Ant", shard=shard)
     envs.reset(seed=1)                                     # the same seed on every rank
 
-An environment has a global id. What it does follows from the seed, its id and its actions, bit for bit, whichever rank
-has it and however many ranks there are. Nothing is sent between ranks inside a step. What is gathered, statistics and
-moved environments, goes through the caller's process group.
+An environment has a global id. Its results follow from the seed, its id and its actions, bit for bit, whichever rank
+has it and however many ranks there are. Nothing is sent between ranks inside a step. Gathered data, statistics and
+moved environments, go through the caller's process group.
 """
 
 import contextlib
@@ -48,7 +48,7 @@ class Ranks:
 
     @property
     def is_first(self):
-        """Whether this is rank 0, which logs and writes what is written once."""
+        """True if this is rank 0, which logs and writes what is written once."""
         return self.rank == 0
 
 
@@ -126,8 +126,8 @@ def generator(seed, env, episode):
     """Random numbers of an episode of an environment, by global id: a numpy.random.Generator.
 
     Philox counts instead of keeping a state (Salmon et al. 2011, "Parallel random numbers: as easy as 1, 2, 3"). Its key
-    is the seed and the id, the upper half of its counter the episode. So no two episodes share a number, and which they
-    are depends on nothing else.
+    is the seed and the id, the upper half of its counter the episode. No two episodes hence share a number, and which
+    they are depends on nothing else.
     """
     return np.random.Generator(np.random.Philox(key=np.array([seed, env], np.uint64),
                                                 counter=np.array([0, 0, episode, 0], np.uint64)))
@@ -217,7 +217,7 @@ def _rows(states, mask):
 
 
 def _chosen(parts, shard):
-    """What belongs to a shard, in the order of ids."""
+    """State of a shard, in the order of ids."""
     joined = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     ids, first = np.unique(joined["id"], return_index=True)  # of one that is there twice, the first
     own = (shard.begin <= ids) & (ids < shard.end)
@@ -228,8 +228,8 @@ def _chosen(parts, shard):
 
 
 def digest(states):
-    """Hash of states: an integer below 2^64. That of all environments is the sum of the ranks', modulo 2^64, however they
-    are shared out: sum(gather(digest(states))) % 2**64."""
+    """Hash of states: an integer below 2^64. The digest of all environments is the sum of the ranks', modulo 2^64,
+    however they are distributed: sum(gather(digest(states))) % 2**64."""
     total = 0
     for row, env in enumerate(states["id"]):
         seen = hashlib.blake2b(int(env).to_bytes(8, "little"), digest_size=8)
@@ -329,7 +329,7 @@ def _range_of(path):
 
 
 def _covers(place):
-    """Whether the parts of a checkpoint are all there."""
+    """True if the parts of a checkpoint are all there."""
     end = 0
     last = None
     for path in sorted(_parts(place), key=_range_of):

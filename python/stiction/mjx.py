@@ -4,8 +4,8 @@
     data, status = jax.jit(jax.vmap(stiction.mjx.step, (None, 0)))(model, data)     # of many worlds
     stiction.jax.status(status)["residual"]
 
-MJX has room for all contacts that a model can have. Those that do not touch are rows of zeros here, as they are there.
-docs/howto/mujoco_warp.md.
+MJX has room for all contacts that a model can have. Contacts that do not touch are rows of zeros here, as they are
+there. docs/howto/mujoco_warp.md.
 """
 
 from __future__ import annotations

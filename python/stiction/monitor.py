@@ -1,4 +1,4 @@
-"""What solves did: statistics, loggers for a training run, files of what failed; a progress bar.
+"""Statistics of solves, loggers for a training run, files of failures; a progress bar.
 
     solver = stiction.Solver(callback=stiction.monitor.CsvLogger("solves.csv"))
     solver.stats()  # totals since the solver was made

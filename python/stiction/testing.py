@@ -74,7 +74,7 @@ def _copied(result):
 
 
 def _difference(expected, found, path="the result"):
-    """Where two results differ first, in words; None: nowhere."""
+    """Says where two results differ first, in words; None: nowhere."""
     if isinstance(expected, dict) and isinstance(found, dict) and expected.keys() == found.keys():
         pairs = [(f"{path}[{key!r}]", expected[key], found[key]) for key in expected]
     elif isinstance(expected, tuple) and isinstance(found, tuple) and len(expected) == len(found):

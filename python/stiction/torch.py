@@ -257,7 +257,7 @@ def step_world(world, position, orientation, twist, wrench=None, *, kappa=0.0):
     """One step of a stiction.World from a state: (position, orientation, twist) after it.
 
     Tensors on the host in the world's dtype, shaped as those of World.state; wrench is shaped as twist, or None. The
-    world is put into that state, so it forgets the last step's contacts and starts from no reactions. What comes out
+    world is put into that state, so it forgets the last step's contacts and starts from no reactions. The result
     depends on the arguments and the world's options alone.
 
     position and twist have derivatives by position, twist and wrench, in reverse and once: those of stiction.WorldStep.

@@ -1,4 +1,4 @@
-"""What the tests share: recorded files, the command line to compare with, problems made by NumPy."""
+"""Shared by the tests: recorded files, the command line to compare with, problems made by NumPy."""
 
 import ast
 import os
@@ -89,7 +89,7 @@ def scenes():
 
 
 class Padded:
-    """Those scenes in arrays of fixed shape, with NaN wherever nothing may be read."""
+    """Returns those scenes in arrays of fixed shape, with NaN wherever nothing may be read."""
 
     def __init__(self, scenes, room=9):
         count = len(scenes)

@@ -6,8 +6,8 @@ import pytest
 
 
 def framework(name, what="stiction with its arrays"):
-    """The module `name`. Where it is missing or does not load, who asks is skipped: a test, or all tests of a module. The
-    reason names the command that installs it."""
+    """The module `name`. If it is missing or does not load, the caller is skipped: a test, or all tests of a module.
+    The reason names the command that installs it."""
     try:
         return importlib.import_module(name)
     except ModuleNotFoundError:

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""Runs the package's tests with pytest; without pytest or NumPy says so and exits with 77, which means skipped. Of tests
-that wait for Warp's compiler it runs the quick ones: `pytest python/tests`, or -m "" here, has all.
+"""Runs the package's tests with pytest; without pytest or NumPy says so and exits with 77, which means skipped. It
+runs the quick ones of the tests that wait for Warp's compiler: `pytest python/tests`, or -m "" here, has all.
 """
 
 import pathlib

@@ -164,7 +164,7 @@ def test_narrow_numbers_are_solved_in_narrow_arithmetic(scenes):
 
 @pytest.mark.parametrize("counted", ["rows", "cones"])
 def test_counts_in_device_memory_lead_to_the_same_integers(monkeypatch, counted):
-    """Where counts cannot be read, the framework computes with them: here NumPy plays that framework."""
+    """If counts cannot be read, the framework computes with them: here NumPy plays that framework."""
     from stiction.core import layout
 
     class Elsewhere:

@@ -13,7 +13,7 @@ from stiction import __main__ as command
 
 
 def run(*arguments, path=""):
-    """What `python -m stiction` says with that path; the interpreter is not looked for there."""
+    """Returns the output of `python -m stiction` with that path; the interpreter is not looked for there."""
     return subprocess.run([sys.executable, "-m", "stiction", *map(str, arguments)], capture_output=True, text=True,
                           env={**os.environ, "PATH": path})
 

@@ -9,7 +9,7 @@ EXACT = {"solver": "newton", "tolerance": 1e-12, "max_iterations": 100}
 
 
 def contacts(scenes, law="coulomb"):
-    """Those scenes as a list of matrices, with compliance, so that every reaction is determined."""
+    """Returns those scenes as a list of matrices, with compliance, so that every reaction is determined."""
     def batch(change=None):
         numbers = {"A": [scene.A for scene in scenes], "b": [scene.b for scene in scenes],
                    "R": [np.full(scene.rows, 0.05) for scene in scenes],

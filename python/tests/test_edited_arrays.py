@@ -1,4 +1,4 @@
-"""What a caller may do to its own arrays between solves, give twice, or leave empty; and processes that fork."""
+"""Arrays that a caller changes between solves, gives twice, or leaves empty; and processes that fork."""
 
 import os
 import subprocess

@@ -23,8 +23,8 @@ def jax():
 
 
 def problem(mu, law, slides):
-    """A, b and mu whose solution is known: all contacts press with 1. Those in `slides` move at 0.5, others stick with a
-    third of the friction that they may have."""
+    """A, b and mu whose solution is known: all contacts press with 1. Contacts in `slides` move at 0.5, others stick
+    with a third of the friction that they may have."""
     J = np.random.default_rng(1).normal(size=(3 * CONTACTS, 3 * CONTACTS + 2))
     A = J @ J.T / (3 * CONTACTS) + 0.2 * np.eye(3 * CONTACTS)
     lambda_, w = np.zeros((2, CONTACTS, 3))
@@ -61,7 +61,7 @@ def test_derivatives_are_those_of_finite_differences_and_the_same_in_both_precis
     ends = [stiction.jax.solve(np.tile(A, (len(b), 1, 1)), b + sign * step * np.eye(len(b)), friction, law=law, solver="npgs",
                                tolerance=1e-15, max_iterations=20000)[0] @ LOSS for sign in (1, -1)]
     by_b = np.asarray(ends[0] - ends[1]) / (2 * step)
-    # What the differences have of rounding grows as the step falls.
+    # Rounding of the differences grows as the step falls.
     np.testing.assert_allclose(wide[1], by_b, atol=(1e-6 + 1e-12 / step) * np.abs(by_b).max())
     narrow, has = slopes(jax, numbers, np.float32, law)
     assert has

@@ -47,7 +47,7 @@ def states(model, count):
 
 
 def solved(model, data):
-    """What MJX computes before its solver, and the solve."""
+    """Returns MJX's state before its solver, and the solve."""
     with replaced(theirs, "solve", lambda model, data: data):
         data = mjx.forward(model, data)
     return stiction.mjx.solve(model, data, tolerance=1e-6)

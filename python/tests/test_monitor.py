@@ -1,4 +1,4 @@
-"""What a solver says about what it did."""
+"""Reports of a solver about its work."""
 
 import csv
 import json

@@ -76,7 +76,7 @@ def test_accelerations_and_forces_are_those_of_mujocos_newton(cone, jacobian):
 
 
 def far_from_borders(model, data, margin=1e-5):
-    """Whether each row's state would be the same if J qacc - aref were a little different (mj_constraintUpdate)."""
+    """True if each row's state would be the same if J qacc - aref were a little different (mj_constraintUpdate)."""
     jar = np.zeros(data.nefc)
     mujoco.mj_mulJacVec(model, data, jar, data.qacc)
     jar -= data.efc_aref
@@ -148,7 +148,7 @@ def test_states_have_mujocos_numbers():
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 @pytest.mark.parametrize("cone", ["pyramidal", "elliptic"])
 def test_steps_with_mujocos_own_solver_are_mj_steps(cone, integrator):
-    # What is around the solve is MuJoCo's own, called in its order; only RK4's sums are formed here.
+    # The stages around the solve are MuJoCo's own, called in its order; only RK4's sums are formed here.
     model = zoo(cone, integrator)
     simulation = stiction.mujoco.BatchedSimulation(model, 2, solver="mujoco")
     peer = mujoco.MjData(model)

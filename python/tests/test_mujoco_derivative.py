@@ -36,7 +36,7 @@ def test_gradients_are_those_of_differences_of_forward_dynamics(cone):
     assert all(data.nefc > 10 for data in simulation.data)
 
     def difference(change, step):
-        """Of <bar, qacc> and of qacc_smooth, simulation by simulation, along a change that is made and taken back."""
+        """Differences of <bar, qacc> and of qacc_smooth, by simulation, along a change that is made and taken back."""
         ends = []
         for sign in (1, -1):
             change(sign * step)

@@ -13,7 +13,7 @@ XML = """<mujoco><option timestep="0.004"/><worldbody><geom type="plane" size="5
 
 
 def simulations(count, over=None, **options):
-    """So many simulations; over: the mjData of others, used again."""
+    """Makes so many simulations; over: the mjData of others, used again."""
     if over is None:
         made = BatchedSimulation(mujoco.MjModel.from_xml_string(XML), count, **options)
     else:

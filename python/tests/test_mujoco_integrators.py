@@ -1,4 +1,4 @@
-"""What of MuJoCo 4 lies around a solve: the metric of `discrete`, islands, sleep, sensors of accelerations."""
+"""Work of MuJoCo 4 around a solve: the metric of `discrete`, islands, sleep, sensors of accelerations."""
 
 import numpy as np
 import pytest

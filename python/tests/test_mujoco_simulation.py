@@ -31,7 +31,7 @@ def test_a_warm_start_saves_iterations_and_can_be_reset():
 
 
 def test_solves_start_from_qacc_warmstart():
-    """Where that is the answer, no iteration is left."""
+    """No iteration is left if that is the answer."""
     model = zoo()
     exact = stiction.mujoco.BatchedSimulation(model, 1, tolerance=1e-12)
     exact.step(controls(model, 0)[None], nstep=30)
@@ -113,7 +113,7 @@ def test_each_row_of_a_weld_and_of_a_connect_has_an_id_of_its_own():
 
 
 def test_all_rows_of_a_weld_are_warm_started():
-    """Where nothing changes, the second solve starts from the answer of the first and has nothing left to do."""
+    """If nothing changes, the second solve starts from the answer of the first and has nothing left to do."""
     simulation = stiction.mujoco.BatchedSimulation(mujoco.MjModel.from_xml_string(WELD), 1, warm_start=1, tolerance=1e-7,
                                                    solver="npgs")
     simulation.data[0].qvel[:] = np.linspace(-1, 1, simulation.model.nv)

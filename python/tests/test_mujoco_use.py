@@ -1,4 +1,4 @@
-"""What a careless caller does to simulations inside MuJoCo: numbers that there are not, Ctrl-C, threads, small arenas."""
+"""Careless callers with simulations inside MuJoCo: numbers that there are not, Ctrl-C, threads, small arenas."""
 
 import signal
 import threading

@@ -151,7 +151,7 @@ def test_a_contact_far_off_loosens_no_tolerance():
     contacts = int(run.contacts.rigid_contact_count.numpy()[0])
     b = run.solver._rows.b.reshape(-1, 3)
     assert contacts == 5 and np.abs(b).max() > 600
-    # What has to change is the box's free fall of a step, g dt, and not the sphere's gap / dt.
+    # The box's free fall of a step, g dt, has to change, and not the sphere's gap / dt.
     assert run.solver.status["residual_abs"] <= 1e-5 * G * 1e-4 * 1.001
 
 
@@ -161,7 +161,7 @@ def test_warm_starts_by_newtons_matching_and_by_shapes():
         before = run.iterations
         return run.step(60, 0.005).iterations - before
 
-    # Of sweeps: "auto" mixes methods, and counts of them do not compare.
+    # Sweeps are counted: "auto" mixes methods, and counts of them do not compare.
     cold = last_iterations(solver="npgs", warm_start=0)
     for how in ("latest", "disabled"):
         assert last_iterations(solver="npgs", contact_matching=how) < 0.75 * cold

@@ -49,7 +49,7 @@ def test_observations_are_tensordicts():
     after, rewards, dones, extras = env.step(torch.zeros(ENVS, env.num_actions))
     assert isinstance(after, tensordict.TensorDict) and after["policy"].shape == (ENVS, 11)
     assert rewards.shape == dones.shape == extras["time_outs"].shape == (ENVS,)
-    # What was returned stays: a learner keeps it until its rollout is over.
+    # Returned arrays stay: a learner keeps them until its rollout is over.
     kept = seen["policy"].clone()
     env.step(torch.ones(ENVS, env.num_actions))
     assert torch.equal(seen["policy"], kept)

@@ -15,7 +15,7 @@ FILES = ["hand_cube", "humanoid", "pile", "quadruped_rough", "trajectory"]
 
 @pytest.mark.parametrize("name", FILES)
 def test_recorded_scenes_have_mujocos_answer(data, name):
-    """MuJoCo's own Newton wrote lambda_ref. What is unique is the motion A lambda; both are within their residuals."""
+    """MuJoCo's own Newton wrote lambda_ref. The motion A lambda is unique; both are within their residuals."""
     batch = Batch.from_file(data / f"{name}.h5")
     solution = Solver(tolerance=1e-8).solve(batch)
     assert solution.solved.all()

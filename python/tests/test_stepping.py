@@ -226,7 +226,7 @@ def test_bodies_that_start_over_start_from_zero(which):
 
 
 def test_the_last_steps_memory_survives_another_time_step():
-    # Of a step half as long half the impulse is stored, which is the answer to half the fall.
+    # A step half as long stores half the impulse, which is the answer to half the fall.
     solver = body_loop()
     solver.step(balls(), body_ids())
     slow = balls(dt=0.0025)

@@ -1,4 +1,4 @@
-"""What stiction.torch refuses at the call, or where a derivative that there is not is asked for."""
+"""Refusals of stiction.torch at the call, or where a derivative that there is not is asked for."""
 
 import pytest
 from frameworks import framework

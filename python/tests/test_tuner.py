@@ -61,7 +61,7 @@ def test_what_is_unknown_is_tried_and_less_so_without_exploration():
 
 
 def test_the_kill_switch_stops_a_tuner_that_costs_more_than_the_default():
-    # What the others cost changes for the worse after they were learned.
+    # Costs of the others change for the worse after they were learned.
     tuner = taught(Tuner(["a", "b", "c"], patience=50, control=5))
     assert tuner.stopped is None
     worse = LINES + np.array([[0, 0], [3.0, 0], [3.0, 0]])

@@ -237,7 +237,7 @@ def test_a_page_is_served_and_the_slider_goes_back(monkeypatch):
         writer._timeline._play.value = True
         assert writer._timeline._advance() > 0
         np.testing.assert_array_equal(body.position, seen[1])
-        # What is recorded while an older frame is seen does not move it.
+        # Frames recorded while an older one is seen do not move it.
         world.step()
         recorder.log(world)
         recorder.wait()

@@ -13,7 +13,7 @@ zstandard = framework("zstandard", WHAT)
 
 
 def _bytes_of(path):
-    """What a .viser file holds, or a page holds in its first script."""
+    """Reads the contents of a .viser file, or of a page's first script."""
     if path.suffix == ".viser":
         return path.read_bytes()
     return base64.b64decode(re.search(r'__VISER_EMBED_DATA__="([^"]+)"', path.read_text(encoding="utf-8")).group(1))

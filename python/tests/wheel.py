@@ -34,7 +34,7 @@ except stiction.Error as error:
 
 
 def run(code, **environment):
-    """What a separate interpreter prints, outside of the source tree and with those variables set."""
+    """Returns the output of a separate interpreter, outside of the source tree and with those variables set."""
     return subprocess.run([sys.executable, "-c", code], env=environment, check=True, capture_output=True, text=True,
                           timeout=60).stdout.strip()
 

@@ -93,8 +93,8 @@ TEST(AgainstOracle, SinglePrecisionIsAsGoodAsItsOwnRounding) {
       const auto truth = oracle::solve_convex(env);
       const auto solution = solve(convert<float>(batch_of({env})), options(solver, 1e-5, 20000));
       EXPECT_EQ(solution.status[0].code, EnvCode::solved) << solution.status[0].residual;
-      // Residual 1e-5 through the condition number in circular coordinates, 9 / 0.03^2, would allow 0.1. What is
-      // measured is w of the rows that are not scaled, normals and single rows, which the condition 9 alone bounds.
+      // Residual 1e-5 through the condition number in circular coordinates, 9 / 0.03^2, would allow 0.1. It measures w
+      // of the rows that are not scaled, normals and single rows, which the condition 9 alone bounds.
       std::size_t row = 0;
       for (const auto& cone : env.cones) {
         EXPECT_NEAR(static_cast<double>(solution.w[row]), truth.w[row], 90 * 4 * 1e-5);

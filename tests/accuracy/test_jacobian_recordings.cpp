@@ -15,7 +15,7 @@ namespace {
 using namespace stiction;
 using namespace stiction::test;
 
-/// What MuJoCo computed for its own models: its mj_solveM2 against our Cholesky, its accelerations against ours.
+/// Compares with MuJoCo on its own models: its mj_solveM2 with our Cholesky, its accelerations with ours.
 class JacobianRecordings : public ::testing::TestWithParam<const char*> {
  protected:
   io::Recording recording_ =

@@ -7,7 +7,7 @@
 #include "tests/support/oracles/random_checks.hpp"
 #include "tests/support/systems/body_systems.hpp"
 
-/// What holds for any bodies and contacts thrown together, for each way to solve them.
+/// Properties of any bodies and contacts thrown together, for each way to solve them.
 namespace stiction::test {
 namespace {
 

@@ -6,11 +6,11 @@
 #include "tests/support/oracles/random_always.hpp"
 #include "tests/support/oracles/random_checks.hpp"
 
-/// What holds for every system that a random recipe makes, for each solver that promises it.
+/// Properties of every system that a random recipe makes, for each solver that promises them.
 namespace stiction::test {
 namespace {
 
-/// What is required of a solver beside its law.
+/// Requirements of a solver beside its law.
 struct Subject {
   SolverKind solver;
   double most_mass_ratio;  ///< up to which the iterations are enough for 1e-8
@@ -83,7 +83,7 @@ TEST_P(CoulombSolvers, WhereCoulombsSolutionIsUniqueItIsTheOracles) {
   });
 }
 
-/// What pivoting takes: no friction cone, rows of all other kinds.
+/// Pivoting takes no friction cone, and rows of all other kinds.
 TEST(Lemke, SystemsWithoutFrictionHaveTheOraclesMotion) {
   expect_always(true, [](std::string& unsolved) {
     Recipe recipe;

@@ -76,7 +76,7 @@ TEST(RoundedAway, FrictionBeyondAllSenseHidesNoContactThatPenetrates) {
   const auto batch = batch_of({contact({1, 1, 1}, {-1, 1, 0}, 1e100)}, Law::coulomb);
   for (const SolverKind solver : kAllSolvers) {
     const Solution<double> answer = solve(batch, options(solver, kTolerance, 50));
-    // Where it is called solved, the contact is pressed.
+    // If it is called solved, the contact is pressed.
     EXPECT_TRUE(answer.status[0].code != EnvCode::solved || answer.lambda[0] > 0.9) << to_string(solver);
   }
 }

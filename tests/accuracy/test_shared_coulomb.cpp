@@ -35,7 +35,7 @@ TEST_P(SharedCoulomb, AllButTheKnownOnesAreSolvedByTheJudge) {
   expect_solved_but_for(one.file, io::read_batch(path).batch, options(one.solver, one.tolerance, 20000), one.unsolved);
 }
 
-/// What is left of `planar` is solved where islands are iterated apart: the last stage then has 526 rows.
+/// The rest of `planar` is solved where islands are iterated apart: the last stage then has 526 rows.
 TEST(SharedCoulombFiles, PlanarGranularFlowIsSolvedIslandByIsland) {
   const auto path = shared_file("coulomb/planar.h5");
   if (!std::filesystem::exists(path)) GTEST_SKIP() << absent(path);
@@ -45,7 +45,7 @@ TEST(SharedCoulombFiles, PlanarGranularFlowIsSolvedIslandByIsland) {
   expect_solved_but_for("planar, islands apart", gather<double>(io::read_batch(path).batch, last), o, {});
 }
 
-/// So that a file which was left out shows.
+/// The count shows a file that was left out.
 TEST(SharedCoulombFiles, AreEightyTwoEnvironmentsInTwelveFiles) {
   Offset envs = 0;
   int files = 0;
@@ -73,7 +73,7 @@ constexpr const char* kInterior = "a condition of 1e13, or eigenvalues of -1e-5"
 
 const char* const kSmallFiles[] = {"small", "rover", "boxes", "confeti", "lmgc90", "single_object", "contactbench"};
 
-/// What is expected of `auto`, the claim of docs/math/auto.md: all of it to 1e-8 but three.
+/// Expectation of `auto`, the claim of docs/math/auto.md: all of it to 1e-8 but three.
 std::vector<Case> of_auto() {
   std::vector<Case> cases;
   for (const double tolerance : {1e-6, 1e-8}) {
@@ -90,7 +90,7 @@ std::vector<Case> of_auto() {
   return cases;
 }
 
-/// And of single solvers to 1e-6. Where one factorises, the files that take it more than some seconds are left out.
+/// And of single solvers to 1e-6. Solvers that factorise leave out the files that take them more than some seconds.
 std::vector<Case> of_single_solvers() {
   std::vector<Case> cases;
   for (const SolverKind solver : {SolverKind::npgs, SolverKind::admm, SolverKind::newton, SolverKind::ipm}) {

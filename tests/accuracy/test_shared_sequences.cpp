@@ -6,7 +6,7 @@
 #include "tests/support/systems/real_files.hpp"
 #endif
 
-/// Consecutive time steps of a stack and of a heap. Of the heap's matrices many are not what a mechanism made: whole
+/// Consecutive time steps of a stack and of a heap. Many of the heap's matrices are not what a mechanism made: whole
 /// words were lost when they were recorded (docs/math/auto.md). They stay, as hostile input.
 namespace stiction::test {
 namespace {
@@ -16,7 +16,7 @@ namespace {
 constexpr const char* kStack = "sequences/stack5_mu05.h5";
 constexpr const char* kHeap = "sequences/heap12_mu07.h5";
 
-/// What `auto` does not solve to 1e-6: for the first nine a mixed-integer program proves that no reaction does
+/// Steps that `auto` does not solve to 1e-6: for the first nine a mixed-integer program proves that no reaction does
 /// (docs/math/auto.md).
 std::vector<Unsolved> lost_steps() {
   std::vector<Unsolved> lost = all_of({17, 36, 39, 47, 49, 91, 92, 104, 105}, "A is damaged; no solution, proved");

@@ -80,7 +80,7 @@ def changed_tree(source):
 
 
 def write_tree(files, root):
-    """Makes `root` these files and no others. What is the same keeps its time."""
+    """Makes `root` these files and no others. Unchanged files keep their time."""
     for file in [file for file in root.rglob("*") if file.is_file()]:
         if file.relative_to(root).as_posix() not in files:
             file.unlink()

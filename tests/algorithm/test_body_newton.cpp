@@ -131,7 +131,7 @@ TEST(BodyNewton, CarriesAThousandTimesItsWeight) {
       expect_solved(env, newton(law, 1e-8), compliant(R), std::string(to_string(law)) + ", R " + std::to_string(R));
 }
 
-/// Where the answer is unique in velocities (convex law with compliance), another method finds the same ones.
+/// If the answer is unique in velocities (convex law with compliance), another method finds the same ones.
 TEST(BodyNewton, VelocitiesAgreeWithSequentialImpulses) {
   const Env env = scenes::make_body_pile(11, 40);
   const TimeStepping stepping = compliant(0.02);

@@ -63,8 +63,8 @@ TEST_P(EveryPair, DeepestPointSaysTheSignedDistance) {
     ASSERT_GE(found.count, 1) << "case " << k;
     const double distance = -deepest(found);
     if (!boxes) {
-      // No direction parts them more, and the normal parts them so much: together that is the definition. Where a
-      // capsule lies on a face within kFaceCosine, it is that much off. The search stops a little below the largest.
+      // No direction parts them more, and the normal parts them so much: together that is the definition. A capsule
+      // that lies on a face within kFaceCosine is that much off. The search stops a little below the largest.
       const Point n = deepest_point(found).normal;
       const double lying = one == ShapeKind::capsule && other == ShapeKind::box ? 2e-4 : 1e-9;
       EXPECT_NEAR(gap_along(a, b, n), distance, lying) << "case " << k;

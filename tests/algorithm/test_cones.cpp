@@ -126,7 +126,7 @@ TEST(Cones, InAnotherMetricTheNearestPointIsFound) {
     for (int k = 0; k < 3; ++k) p[k] = z[k] = rng.symmetric(2.0);
     project_second_order_cone<3>(p, share);
     ASSERT_GE(p[0] * (1 + 1e-15) + 1e-15, std::hypot(p[1], p[2]));
-    // What the metric makes of p - z is in the cone's dual, which is the cone, and does not push p. These are the
+    // The metric's image of p - z is in the cone's dual, which is the cone, and does not push p. These are the
     // conditions of the nearest point.
     const double g[] = {(1 - share) * (p[0] - z[0]), share * (p[1] - z[1]), share * (p[2] - z[2])};
     ASSERT_GE(g[0] + 4e-15, std::hypot(g[1], g[2])) << "share " << share;

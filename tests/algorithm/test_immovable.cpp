@@ -14,7 +14,7 @@
 namespace stiction::test {
 namespace {
 
-/// What is put beside sound contacts.
+/// Contact that is put beside sound ones.
 struct Held {
   std::string name;
   Cone cone;

@@ -150,7 +150,7 @@ TEST(CompliantCone, ItsFactorIsThatOfTheDerivative) {
   expect_derivative(Friction<4>{}, 0, 0);
 }
 
-/// Of a cone with one compliance along both axes.
+/// Slope of a cone with one compliance along both axes.
 std::array<Vector<3>, 3> slope_of(const CompliantPoint<3>& point, const Vector<3>& R) {
   const double compliance[] = {R[0], R[1], R[2]};
   double C[3][3];

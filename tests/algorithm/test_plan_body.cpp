@@ -67,7 +67,7 @@ std::vector<Index> part(const std::vector<Index>& values, Offset begin, Offset c
   return {values.begin() + begin, values.begin() + begin + count};
 }
 
-/// What an environment's arrays must hold: the host's entries, the rest of the room as it was.
+/// Expected arrays of an environment: the host's entries, the rest of the room as it was.
 std::vector<Index> in_room(const std::vector<Index>& values, Offset begin, Offset end, Offset room) {
   std::vector<Index> result = part(values, begin, end - begin);
   result.resize(at(room), BodyPlan::kUnwritten);

@@ -117,7 +117,7 @@ TEST(PreconditionerTable, DISABLED_IsWhatIsMeasuredInMinutes) {
   for (const TableRow& row : kLongTable) expect_measured(row);
 }
 
-/// Of orderings whose algorithm is this library's own.
+/// Only orderings whose algorithm is this library's own.
 TEST(PreconditionerTable, IncompleteCholeskyByOrderingIsWhatIsMeasured) {
   const auto iterations = [](const char* scene, Ordering ordering) {
     const BlockSystem system = box_matrix(scene_of(scene), 1e-3);
@@ -159,7 +159,7 @@ std::array<Index, 2> eliminate(const BlockPattern& pattern, const std::vector<In
   return {blocks, levels};
 }
 
-/// Those whose algorithm is this library's own; a library's may change with its version.
+/// Only orderings whose algorithm is this library's own; a library's may change with its version.
 TEST(PreconditionerTable, FillIsWhatIsCounted) {
   const auto blocks = [](const char* scene, Ordering ordering) {
     const BlockSystem system = box_matrix(scene_of(scene), 1e-3);

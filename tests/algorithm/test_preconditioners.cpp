@@ -200,7 +200,7 @@ TEST(SparseInverse, RowsAreShortHoweverManyTouchABody) {
   EXPECT_EQ(plan.lower.columns[plan.lower.offsets[29]], 30 - kInverseRowBlocks) << "the nearest stay";
 }
 
-/// G minimises | S_i E_i' - G_i L |_F over the blocks of each row i, whatever the scale S_i. What is left is
+/// G minimises | S_i E_i' - G_i L |_F over the blocks of each row i, whatever the scale S_i. The remainder is
 /// orthogonal to the rows of L that the pattern lets in. With H = L L' this says that G H has no block on the pattern
 /// but the diagonal ones. The scale makes the diagonal blocks of G H G' the identity.
 TEST(SparseInverse, MinimisesTheDistanceOfGLFromTheIdentityUpToTheScaleOfItsRows) {

@@ -40,7 +40,7 @@ Real largest_of(const Rows<Real, M>& rows) {
   return largest;
 }
 
-/// Whether row k is on the diagonal.
+/// Returns true if row k is on the diagonal.
 bool is_diagonal(std::size_t k) {
   return k == 0 || k == 2 || k == 5;
 }
@@ -116,7 +116,7 @@ void expect_a_projection() {
       product += (static_cast<double>(positive_part[i]) / size) * (static_cast<double>(negative_part[i]) / size);
     }
     EXPECT_LE(std::abs(product), 2 * kRoundings<M> * kEpsilon) << "the two parts are orthogonal";
-    // No two matrices come apart. Those of one kind have like sizes but for the last, whose sizes are of their own.
+    // No two matrices come apart. Matrices of one kind have like sizes but for the last, whose sizes are of their own.
     const Rows<Real, M> other = projected(before);
     const double both = std::max(size, static_cast<double>(largest_of(before)));
     for (std::size_t i = 0; i < M; ++i) {

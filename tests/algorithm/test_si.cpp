@@ -99,7 +99,7 @@ class SiCase {
     return true;
   }
 
-  /// Where one solve writes, and what it is given.
+  /// Outputs of one solve, and its inputs.
   struct Answer {
     explicit Answer(const SiCase& owner)
         : expected(owner.expected_),

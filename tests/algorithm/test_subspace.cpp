@@ -36,7 +36,7 @@ Environment<double> sticking(std::size_t contacts) {
   return env;
 }
 
-/// Where everything sticks nothing moves: w = 0 on all rows, whatever the law.
+/// If everything sticks nothing moves: w = 0 on all rows, whatever the law.
 TEST(Subspace, WhatSticksIsSolvedByTheFirstLeap) {
   for (const Law law : kBothLaws) {
     SolverOptions leaps = options(kSolver, 1e-10, 4), sweeps = options(SolverKind::npgs, 1e-10, 4);

@@ -22,7 +22,7 @@ SolverOptions chain(Law law, double tolerance) {
   return options;
 }
 
-/// Of every scene those of at most that many rows, and what has no friction, to which the pivoting stage is open.
+/// Environments of every scene with at most that many rows, or without friction, as the pivoting stage takes them.
 ContactBatch<double> late_stages(Index rows) {
   const ContactBatch<double> with_friction = up_to(ragged_batch(1, 4), rows);
   const ContactBatch<double> without = up_to(linearise(up_to(ragged_batch(1, 6), rows), 4).batch, rows);
@@ -67,7 +67,7 @@ TEST(Torture, TheLadderHasTheSameBitsOnASparseEnvironment) {
   expect_the_same_on_teams<double>(batch, Law::coulomb, 1e-10, 3);
 }
 
-/// What the chain above is worth: stages that answer when each may iterate as long as it takes.
+/// Tests the chain above: stages that answer when each may iterate as long as it takes.
 TEST(Torture, EnvironmentsOfTheChainEndOnSeveralRungs) {
   SolverOptions patient = chain(Law::coulomb, 1e-9);
   patient.max_iterations = 500;

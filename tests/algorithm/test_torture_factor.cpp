@@ -37,8 +37,8 @@ TEST(Torture, FactorsHaveTheSameBitsOnBlocksOfEveryWidth) {
     }
 }
 
-/// What one environment is assembled to, and where reactions of 0.25 take it. Teams have all widths, their lanes
-/// taking a tile of rows at once.
+/// Arrays that one environment is assembled to, and its motion by reactions of 0.25. Teams have all widths, their
+/// lanes taking a tile of rows at once.
 template <class Tile>
 void expect_same_form(const JacobianBatchView<double>& view) {
   const auto matrix = assemble(view), factor = assemble(view, FactorUse::always);

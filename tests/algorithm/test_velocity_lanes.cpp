@@ -107,7 +107,7 @@ TEST(VelocityLanes, EveryWidthHasTheBitsOfASingleEnvironment) {
     }
 }
 
-// What is judged in double is what a single-precision batch gets: rounding is a part of the residual.
+// The residual in double is what a single-precision batch gets: rounding is a part of it.
 TEST(VelocityLanes, StepsInDoubleSolveWhatSinglePrecisionGets) {
   JacobianBatch<float> batch(Law::convex);
   JacobianBatch<double> exact(Law::convex);

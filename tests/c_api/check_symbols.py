@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What the shared library exports, what its header declares and the committed list must be the same names.
+"""Names that the shared library exports, its header declares and the committed list has must be the same.
 
 Usage: check_symbols.py --nm=NM --header=stiction.h --list=exported_symbols.map libstiction.so
 """

@@ -60,7 +60,7 @@ static void pressed_rows(stiction_batch_view* batch) {
   batch->mu = batch->lo = batch->hi = kZeros;
 }
 
-/* What the sweeps return and all that the loss says of them. On the emulated device, too, whose memory is the host's.
+/* The result of the sweeps and all derivatives of the loss. On the emulated device, too, whose memory is the host's.
  */
 static void sweeps_in_reverse(const char* device, int32_t space) {
   double A[kEntries], b[kRows], R[kRows], start[kRows];

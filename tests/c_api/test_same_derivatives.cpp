@@ -69,7 +69,7 @@ void same_derivatives() {
   EXPECT_EQ(own.all(), expected.all());
   EXPECT_EQ(own.status[1].unknowns, expected.status[1].unknowns);
 
-  // What was written is now read: changes of the batch.
+  // The written arrays are now read: changes of the batch.
   const auto forward = jvp(batch.view(), solution.lambda,
                            BatchTangentView<Real>{own.A.data(), nullptr, own.b.data(), own.R.data(), own.mu.data(),
                                                   own.lo.data(), own.hi.data()},
@@ -175,7 +175,7 @@ TEST(SameDerivatives, OfJacobianBatches) {
   EXPECT_EQ(own, expected);
   EXPECT_EQ(same[2].unknowns, status[2].unknowns);
 
-  // What was written is now read: changes of the batch.
+  // The written arrays are now read: changes of the batch.
   std::vector<std::vector<double>> changes{room(view.row_count), room(view.row_count), room(view.dof_count)};
   auto forward = changes;
   Derivative(Device::cpu(), options_of())

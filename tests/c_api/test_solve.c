@@ -186,8 +186,8 @@ static void jacobians(void) {
   STICTION_CHECK_OK(stiction_jacobian_solver_destroy(solver));
 }
 
-/* J = M = 1, so A is the identity and lambda is the nearest semidefinite matrix to -v_free. Of the matrix with nothing
- * but ones beside its diagonal that is half of the matrix of ones. */
+/* J = M = 1, so A is the identity and lambda is the nearest semidefinite matrix to -v_free. For the matrix with
+ * nothing but ones beside its diagonal it is half of the matrix of ones. */
 static void semidefinite_jacobians(const char* device, int32_t space) {
   const double root = 1.41421356237309505, identity[] = {1, 0, 0, 0, 1, 0, 0, 0, 1}, ones[] = {1, 1, 1};
   const double v_free[] = {0, -root, 0}, zeros[3] = {0};
@@ -262,7 +262,7 @@ static void bodies(void) {
   STICTION_CHECK_OK(stiction_body_solver_create("cpu", NULL, NULL, &solver));
   STICTION_CHECK_OK(stiction_body_solver_solve(solver, &batch, &solution, NULL, NULL));
   STICTION_CHECK(near_to(impulse[0], 0.0981, 1e-12) && near_to(twist[2], 0, 1e-12));
-  /* What makes the solver plan anew: the same body, held fast. */
+  /* This change makes the solver plan anew: the same body, held fast. */
   batch.kinematic = fixed;
   STICTION_CHECK_OK(stiction_body_solver_solve(solver, &batch, &solution, NULL, NULL));
   STICTION_CHECK(impulse[0] == 0 && twist[2] == 0);

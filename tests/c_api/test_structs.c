@@ -3,7 +3,7 @@
 #include "check.h"
 #include "two_blocks.h"
 
-/* What programs were compiled against. These numbers may grow and may not change otherwise. */
+/* Layouts that programs were compiled against. These numbers may grow and may not change otherwise. */
 static void layouts(void) {
   if (sizeof(void*) != 8) return;
   STICTION_CHECK(sizeof(stiction_status) == 32 && offsetof(stiction_status, code) == 24);

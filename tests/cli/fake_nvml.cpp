@@ -1,6 +1,6 @@
-// What the command line calls of NVML and of the CUDA driver, with answers that a test knows. CUDA's device 0 is at bus
-// id 0000:3B:00.0, device 1 at 0000:1A:00.0. Samples are 30, 60, 90, 30, ... percent; of device 1 one percent more.
-// FAKE_NVML in the environment names a call that fails.
+// Functions of NVML and of the CUDA driver that the command line calls, with answers that a test knows. CUDA's device
+// 0 is at bus id 0000:3B:00.0, device 1 at 0000:1A:00.0. Samples are 30, 60, 90, 30, ... percent; of device 1 one
+// percent more. FAKE_NVML in the environment names a call that fails.
 #include <atomic>
 #include <cstddef>
 #include <cstdio>

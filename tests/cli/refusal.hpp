@@ -10,7 +10,7 @@
 
 namespace stiction::test {
 
-/// Whether a command refused: exit status 2, nothing on stdout, one sentence on stderr that says all of `said`.
+/// Succeeds if a command refused: exit status 2, nothing on stdout, one sentence on stderr that says all of `said`.
 inline testing::AssertionResult is_refused(const Finished& finished, const std::vector<std::string>& said) {
   const auto lines = std::count(finished.err.begin(), finished.err.end(), '\n');
   if (finished.status != 2) return testing::AssertionFailure() << "exit status " << finished.status << ", not 2";

@@ -17,7 +17,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 namespace fs = std::filesystem;
 
-/// Whether the `dot` family is installed, asked without running it.
+/// Returns true if the `dot` family is installed, asked without running it.
 bool graphviz_is_there() {
   for (const char* folder : {"/usr/bin/", "/usr/local/bin/", "/bin/"}) {
     for (const char* program : {"fdp", "sfdp", "dot"}) {

@@ -1,4 +1,4 @@
-// What a user meets when something is wrong: one sentence on stderr that says what, exit status 2, nothing written.
+// Errors that a user meets: one sentence on stderr that says what, exit status 2, nothing written.
 #include <gtest/gtest.h>
 #include <unistd.h>
 

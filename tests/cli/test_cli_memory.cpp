@@ -1,4 +1,4 @@
-// What no memory holds is refused before anything is allocated, in one sentence. What nothing foresees ends so, too.
+// Arrays beyond memory are refused before anything is allocated, in one sentence. An unforeseen lack ends so, too.
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 

@@ -24,7 +24,7 @@ std::vector<BodyEnvironment<double>> mixed_environments() {
 template <class Real>
 class BodyOrder : public testing::Test {
  protected:
-  /// What a method makes of all environments, and of any choice of them.
+  /// Results of a method for all environments, and for any choice of them.
   class Whole {
    public:
     explicit Whole(const BodyMethodCase& method) : options_(method.options()) {

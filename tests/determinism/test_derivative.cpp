@@ -54,7 +54,7 @@ void append(std::string& bytes, const std::vector<T>& numbers, Offset first, Off
                static_cast<std::size_t>(last - first) * sizeof(T));
 }
 
-/// What vjp() and jvp() give for the environments of `order`.
+/// Returns the results of vjp() and jvp() for the environments of `order`.
 template <class Real>
 std::vector<std::string> answers(const Problem<Real>& problem, const std::vector<Offset>& order, int threads = 1,
                                  double kappa = 0.0) {

@@ -14,7 +14,7 @@ using namespace stiction::test;
 template <class Real>
 class EnvOrder : public testing::Test {
  protected:
-  /// What a solver makes of the whole batch, and of any part of it.
+  /// Results of a solver for the whole batch, and for any part of it.
   class Whole {
    public:
     explicit Whole(SolverKind solver)

@@ -35,8 +35,8 @@ std::vector<const char*> every_isa() {
   return names;
 }
 
-/// Whether a row has code of an instruction set's own. The widths that tests add have packs, and take all else from the
-/// baseline or from AVX2 (tests/isa/pack_width.cpp).
+/// Returns true if a row has code of an instruction set's own. The widths that tests add have packs, and take all else
+/// from the baseline or from AVX2 (tests/isa/pack_width.cpp).
 bool is_computed_on(const std::string& row, std::string_view isa) {
   if (std::find(std::begin(kTestedWidths), std::end(kTestedWidths), isa) == std::end(kTestedWidths)) return true;
   for (const char* method : {"/admm", "/newton", "/lemke", "/ipm"})
@@ -74,8 +74,8 @@ std::vector<std::string> parts_of(std::string_view name) {
   return parts;
 }
 
-/// Where subspace never leaps and so has the bits of npgs (sliding contacts under Coulomb's law, more than 40 rows).
-/// Or where none of its leaps makes the residual of any environment smaller (docs/math/subspace.md).
+/// Returns true if subspace never leaps and so has the bits of npgs (sliding contacts under Coulomb's law, more than
+/// 40 rows). Or where none of its leaps makes the residual of any environment smaller (docs/math/subspace.md).
 bool may_only_sweep(const std::vector<std::string>& row) {
   return row[0] == "matrix" && row[2] == "subspace" &&
          (row[4] == "coulomb" || row[1] == "pile" || row[1] == "grasp" || (row[1] == "stack" && row[3] == "f32"));

@@ -196,7 +196,7 @@ Real faint_guess() {
   return std::ldexp(Real(1), -kLeast<Real> / 2 - 26);
 }
 
-/// That cone coupled to a row whose motion is as small, and one beside them that gives the environment its scale.
+/// Makes that cone coupled to a row whose motion is as small, and one beside them that gives the environment its scale.
 template <class Real>
 Environment<double> faint() {
   const double diagonal = std::ldexp(1.0, 8 - kLeast<Real> / 2);

@@ -247,7 +247,7 @@ std::vector<double> identity(std::size_t n) {
 TYPED_TEST(Poisoned, WhatWasSolvedBeforeIsNotSeenWhereNumbersOverflow) {
   // A worker's scratch holds what the environment before has left, and arithmetic that ends in NaN at once must not
   // fall back on it. Both were found by fuzz_solve. The first step of admm was taken back to where no step had been. In
-  // a dictionary of lemke a pair was basic twice, and its variable entered again, from a column that none has. That
+  // a dictionary of lemke a pair was basic twice, and its variable entered again, from a column that none has. It
   // shows where scratch holds other numbers every time (STICTION_NOISY_SCRATCH, scripts/sanitize.sh address).
   using Real = TypeParam;
   constexpr bool kSingle = std::is_same_v<Real, float>;
@@ -282,7 +282,7 @@ TYPED_TEST(Poisoned, WhatWasSolvedBeforeIsNotSeenWhereNumbersOverflow) {
       for (const Law law : kBothLaws) {
         SCOPED_TRACE(name + ", " + label(solver, law));
         const auto solved = [&, extreme = env](double before, double tolerance) {
-          // Of the same size, so that the same places are written.
+          // It has the same size, so that the same places are written.
           Environment<double> neighbour = system(extreme.cones, identity(extreme.b.size()), extreme.b);
           for (double& b : neighbour.b) b = -before * (1.0 + std::abs(b > 1e6 ? 1.0 : b));
           auto both = convert<Real>(batch_of({neighbour, extreme}));

@@ -42,7 +42,7 @@ TYPED_TEST(Stopping, WarmStartedFromItsOwnSolutionAnEnvironmentNeedsNoIteration)
 
 TYPED_TEST(Stopping, StoppingAtTheToleranceIsStoppingAtThatIteration) {
   using Real = TypeParam;
-  // What a trace relies on: k iterations are the first k iterations of any longer run.
+  // A trace relies on this: k iterations are the first k iterations of any longer run.
   for (const SolverKind solver : kAllSolvers) {
     SCOPED_TRACE(to_string(solver));
     const Solution<Real> stopped = solve(this->batch, options(solver, this->kTolerance, 4000));
@@ -72,8 +72,8 @@ TYPED_TEST(Stopping, MoreIterationsNeverReturnAWorseEstimate) {
       for (std::size_t e = 0; e < solution.status.size(); ++e) {
         EXPECT_EQ(solution.status[e].iterations, iterations);
         const double residual = solution.status[e].residual;
-        // The estimate that picks the best iterate is in the solve's precision, the reported residual is not. Where
-        // the estimate is near its rounding the two may order iterates differently.
+        // The estimate that picks the best iterate is in the solve's precision, the reported residual is not. An
+        // estimate near its rounding may order iterates differently.
         const double noise = 64 * static_cast<double>(std::numeric_limits<Real>::epsilon());
         if (iterations == 0) before.push_back(residual);
         EXPECT_LE(residual, before[e] + noise) << "environment " << e << ", " << iterations;

@@ -20,7 +20,7 @@ namespace stiction::distributed {
 template <class Real>
 BodySolution<Real> room_for(const BodyBatchView<Real>& view) {
   BodySolution<Real> solution;
-  // What is not written stays, and shows.
+  // Numbers that are not written stay, and show.
   const auto unset = static_cast<Real>(777);
   solution.impulse.assign(static_cast<std::size_t>(3 * view.contact_count), unset);
   solution.w = solution.impulse;

@@ -121,7 +121,7 @@ TEST(Asynchronous, AFastRankGoesOnButNotForEver) {
   }
 }
 
-/// What a clocked run does follows from its clocks; another clock is another run.
+/// A clocked run follows from its clocks; another clock is another run.
 TEST(Asynchronous, BitsFollowWhoIsLate) {
   const BodyBatch<double> batch = batch_of(wall());
   const Case how = until(1e-3);

@@ -1,4 +1,4 @@
-// What ranks decide together about bodies that none of them has all of: cells and colours.
+// Decisions of ranks together about bodies that none of them has all of: cells and colours.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -99,7 +99,7 @@ std::vector<Index> colors_of(const BodyPlanData& plan) {
   return colors;
 }
 
-/// What a rank has of a graph.
+/// Part of a graph that a rank has.
 struct Part {
   Graph graph;  ///< numbers of bodies are the piece's
   PieceBodies bodies;

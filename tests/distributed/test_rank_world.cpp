@@ -69,7 +69,7 @@ Snapshot<Real> by_one_process(const Case& scene) {
   return {end.position, end.orientation, end.twist, by_id<Real>(end.contact_id, end.impulse), world.status()[0]};
 }
 
-/// What this rank is to begin with of a checkpoint.
+/// Returns this rank's part of a checkpoint.
 template <class Real>
 void put(RankWorld<Real>& world, const WorldCheckpoint<Real>& from) {
   const BodyRange share = world.first_share();

@@ -24,7 +24,7 @@ scenes::BodyPart part_of(int rank, int ranks) {
   return scenes::make_body_column_part(kSeed, kSide, kLayers, own.first, own.end);
 }
 
-/// What a contact is, with the whole's numbers of its bodies.
+/// Identity of a contact, with the whole's numbers of its bodies.
 struct Named {
   Index a, b;
   std::array<double, 12> numbers;

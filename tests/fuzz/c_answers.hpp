@@ -16,7 +16,7 @@ inline bool succeeded(stiction_code code) {
   return code == STICTION_OK;
 }
 
-/// What solves write to: arrays that are exactly as long as the sound batch needs, filled with bytes that no solve
+/// Arrays that solves write to: exactly as long as the sound batch needs, filled with bytes that no solve
 /// makes.
 template <class Real>
 struct Answers {
@@ -37,7 +37,7 @@ struct Answers {
     }
     return std::memcmp(status.data(), fresh.status.data(), status.size() * sizeof(stiction_status)) == 0;
   }
-  /// Whether environment `env`, of as many equal ones as there are records, has the same bits here and there.
+  /// Returns true if environment `env`, of as many equal ones as there are records, has the same bits here and there.
   [[nodiscard]] bool same_in(const Answers& other, std::size_t env) const {
     for (std::size_t i = 0; i < numbers.size(); ++i) {
       const std::size_t length = numbers[i].size() / status.size();
@@ -48,8 +48,8 @@ struct Answers {
     }
     return std::memcmp(&status[env], &other.status[env], sizeof(stiction_status)) == 0;
   }
-  /// Whether what was written to array `i` is finite. Environments whose offsets or columns are broken are left out:
-  /// of those nothing else may have been written.
+  /// Returns true if the numbers written to array `i` are finite. Environments whose offsets or columns are broken are
+  /// left out: of those nothing else may have been written.
   [[nodiscard]] bool finite(std::size_t i) const {
     const std::size_t length = numbers[i].size() / status.size();
     for (std::size_t env = 0; env < status.size(); ++env) {

@@ -55,7 +55,7 @@ class CForm {
   /// Adds a field of int32_t that edits may set to anything.
   void choice(std::size_t where) { choices_.push_back(where); }
 
-  /// Whether the pointer at `where` is not null.
+  /// Returns true if the pointer at `where` is not null.
   [[nodiscard]] bool is_present(std::size_t where) const { return get<const void*>(where) != nullptr; }
 
   /// One edit. Returns the environment that it reaches, of `envs` equal ones; -1: more than one.

@@ -10,8 +10,8 @@
 
 namespace stiction::fuzz {
 
-/// Whether a system did not accept the options. A solver may do so before it writes anything; numbers may not bring it
-/// about.
+/// Returns true if a system did not accept the options. A solver may do so before it writes anything; numbers may not
+/// bring it about.
 inline bool is_refusal(ErrorCode code) {
   return code == ErrorCode::unsupported || code == ErrorCode::invalid_argument;
 }
@@ -28,7 +28,7 @@ inline void require_sound_record(const EnvStatus& status) {
   }
 }
 
-/// What one rounding hides of an environment's residual: 2^-53 of the largest |a x| or |y| (docs/math/residual.md,
+/// Residual that one rounding hides in an environment: 2^-53 of the largest |a x| or |y| (docs/math/residual.md,
 /// "Roundings"). Batches have their normals first, and A stored.
 template <class Real>
 double hidden_by_rounding(const ContactBatchView<Real>& batch, std::span<const Real> lambda, std::size_t env) {
@@ -58,8 +58,8 @@ double hidden_by_rounding(const ContactBatchView<Real>& batch, std::span<const R
 
 /// `solved` is checked by code that shares nothing with the solvers. The solver's own residual is rounded, and so is
 /// the other one, each by parts of the numbers that enter: hence a factor of two. It is a difference, too, of numbers
-/// some of whose roundings it does not see. What they hide is within the tolerance or reported: hence so many of them.
-/// Below the smallest normal number roundings are not parts of what is rounded.
+/// some of whose roundings it does not see. Their hidden part is within the tolerance or reported: hence so many of
+/// them. Below the smallest normal number roundings are not parts of what is rounded.
 template <class Real>
 void require_residuals(const ContactBatchView<Real>& batch, std::span<const Real> lambda,
                        std::span<const EnvStatus> status) {

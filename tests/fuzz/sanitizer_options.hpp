@@ -1,6 +1,6 @@
 #pragma once
 
-/// What the address sanitizer is told in every fuzzer. Refused memory is a case that the library copes with. HDF5 also
+/// Options of the address sanitizer in every fuzzer. Refused memory is a case that the library copes with. HDF5 also
 /// asks malloc for whatever a damaged header says, and leaks what it had of a damaged object. None of that is a
 /// finding: memory that is really used is bounded by -rss_limit_mb. The rest is speed: less freed memory is kept, and
 /// shorter stacks of where it came from; ASAN_OPTIONS=malloc_context_size=30 shows them whole.

@@ -11,7 +11,7 @@
 
 namespace stiction::ptx {
 
-/// What a lane waits for.
+/// Event that a lane waits for.
 enum class Waiting : unsigned char {
   nothing,
   turn,     ///< that others have run
@@ -41,7 +41,7 @@ class Grid {
   /// Runs every lane to its end. \throws Error(device_failure)
   void run(const void* arguments);
 
-  /// Of the lane that runs: lets others run until it need not wait; what it receives.
+  /// Called by the lane that runs: lets others run until it need not wait; returns what it receives.
   u32 wait(const Wait& wait);
   [[noreturn]] void fail(const Lane& lane, const std::string& what);
   [[nodiscard]] u64 barrier_address() const { return shape_.whole_device ? reinterpret_cast<u64>(barrier_) : 0; }

@@ -28,7 +28,7 @@ struct LaneTrace;
 struct TracedCode;
 struct TracedLaunch;
 
-/// A thread of CUDA. What translated code asks of it; the rest is its grid's.
+/// A thread of CUDA. Interface to translated code; the rest is its grid's.
 struct Lane {
   Grid* grid = nullptr;
   u32 thread = 0;  ///< in its block
@@ -50,7 +50,7 @@ struct Lane {
 
   [[nodiscard]] u64 shared_address(u64 offset) const { return reinterpret_cast<u64>(shared) + offset; }
   [[nodiscard]] u64 shared_offset(u64 address) const { return address - reinterpret_cast<u64>(shared); }
-  /// Where the block's dynamic shared memory begins, in the space of shared memory.
+  /// Returns the block's dynamic shared memory, in the space of shared memory.
   [[nodiscard]] static u64 shared_symbol() { return 0; }
   /// Half of the address of what a cooperative grid synchronises by; 0 where the launch is none.
   [[nodiscard]] u32 grid_word(int half) const;
@@ -83,7 +83,7 @@ struct Kernel {
 
 /// Runs a launch as CudaApi would shape it. A misaligned address ends the process with a message, one outside of an
 /// allocation by a signal. \throws Error(device_failure) that names the lane and what it did wrong: a barrier that
-/// others never reach, a mask without the lane, a trap. So does a launch with more shared memory than there is.
+/// others never reach, a mask without the lane, a trap. A launch with more shared memory than there is does, too.
 void launch(Kernel& kernel, const cuda::EmulatedLaunch& shape, const void* arguments);
 
 /// A kernel translated once more, so that its lanes leave traces.

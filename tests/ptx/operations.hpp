@@ -10,7 +10,7 @@
 
 #include "tests/ptx/lane.hpp"
 
-/// What instructions do, where C++ says it otherwise: NVIDIA, "Parallel Thread Execution ISA", version 9.0, section 9.
+/// Instructions that C++ says otherwise: NVIDIA, "Parallel Thread Execution ISA", version 9.0, section 9.
 namespace stiction::ptx {
 
 template <class To, class From>

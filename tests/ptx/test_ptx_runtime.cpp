@@ -9,7 +9,7 @@
 #include "stiction/error.hpp"
 #include "tests/ptx/operations.hpp"
 
-/// What executes translated PTX: small kernels by hand (mistakes.ptx), and instructions by NVIDIA's description.
+/// Tests of the runtime of translated PTX: small kernels (mistakes.ptx), and instructions by NVIDIA's description.
 namespace {
 
 using namespace stiction;

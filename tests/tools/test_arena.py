@@ -4,7 +4,7 @@ claims are caught. Bits that depend on order, threads or the processor are seen.
 
 usage: test_arena.py STICTION [unittest arguments]
 
-Exits with 77 (skipped) when numpy or h5py is missing, and says which. What else is missing skips its own test.
+Exits with 77 (skipped) when numpy or h5py is missing, and says which. Tests whose packages are missing skip themselves.
 """
 import importlib.util
 import json
@@ -171,7 +171,7 @@ class Arena(unittest.TestCase):
                 np.testing.assert_allclose(judge.residuals(batch, reaction, law), residuals(batch, reaction, law), rtol=1e-9,
                                            err_msg=str(path))
 
-    # What is caught.
+    # Mistakes that are caught.
 
     def test_a_wrong_answer_is_caught(self):
         answer = self.solved()

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What tools/plot_convergence.py reads and draws.
+"""Input and pictures of tools/plot_convergence.py.
 
 Run as a program it exits with 77 (skipped) when numpy or matplotlib is missing, and says which.
 """

@@ -52,8 +52,8 @@ class Trajectory(Recording):
             self.assertEqual(stored.attrs["source"], f"MuJoCo {mujoco.__version__}, model0, model1")
 
     def test_a_trajectory_is_the_simulation_itself(self):
-        # Free fall onto the plane: the state before each step gives row_target and v_free. So b at consecutive steps
-        # must be those of MuJoCo's own steps from the same state.
+        # Free fall onto the plane: the state before each step gives row_target and v_free. The values of b at
+        # consecutive steps must hence be those of MuJoCo's own steps from the same state.
         xml = BALL.format(condim=1)
         file, _ = self.trajectory([xml], "--trajectory", "5", "--skip", "2", "--control", "zero")
         model, _ = recorder.load(str(self.folder / "model0.xml"), None)

@@ -3,8 +3,8 @@
 
 usage: test_shared_data.py STICTION
 
-What a solution file calls solved must be at or below the tolerance by the judge, and no other environment may be. Exits with 77
-(skipped) where numpy, h5py or the folder STICTION_SHARED_DIR is missing, and says which.
+Environments that a solution file calls solved must be at or below the tolerance by the judge, and no other may be.
+Exits with 77 (skipped) where numpy, h5py or the folder STICTION_SHARED_DIR is missing, and says which.
 """
 import importlib.util
 import os

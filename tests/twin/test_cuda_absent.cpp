@@ -6,7 +6,7 @@
 #include "stiction/error.hpp"
 #include "tests/support/machines/cuda_device.hpp"
 
-/// What a machine without a usable GPU is told.
+/// Messages on a machine without a usable GPU.
 namespace stiction::test {
 namespace {
 

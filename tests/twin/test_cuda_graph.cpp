@@ -24,7 +24,7 @@ namespace {
 /// Owner of a graph that can be launched.
 class Graph {
  public:
-  /// What `queue` queues on the stream.
+  /// Captures the work that `queue` queues on the stream.
   template <class F>
   Graph(cudaStream_t stream, F&& queue) : stream_(stream) {
     STICTION_CUDA_TRY(cudaStreamBeginCapture(stream, cudaStreamCaptureModeThreadLocal));

@@ -168,7 +168,7 @@ TEST(DeviceBodies, APlanServesEveryLawInTurn) {
   }
 }
 
-/// What a device's fast memory has room for decides which team works on a scene, and nothing else.
+/// The room in a device's fast memory decides which team works on a scene, and nothing else.
 TEST(DeviceBodies, ALaneOfItsOwnGivesTheBitsOfATeam) {
   const auto check = [](auto real) {
     using Real = decltype(real);

@@ -10,7 +10,7 @@
 #include "tests/support/systems/scene_batches.hpp"
 #include "tests/support/systems/small_systems.hpp"
 
-/// What graphs have pointers to, where a larger solver takes the place of the one that was captured.
+/// Objects that graphs have pointers to, where a larger solver takes the place of the one that was captured.
 namespace stiction::test {
 namespace {
 

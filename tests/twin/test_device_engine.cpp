@@ -74,7 +74,7 @@ TEST(DeviceEngine, LargeEnvironmentsHaveALaneEachWhereThereAreManyOfThem) {
   const ContactBatch<float> ragged = convert<float>(scene_batch("mixed", 40, 3)),
                             easy = convert<float>(scene_batch("grasp", 6, 3));
   for (const SolverKind solver : {SolverKind::npgs, SolverKind::automatic}) {
-    // What the chain solves at once: its later stages are slow here, and are tested elsewhere.
+    // Batch that the chain solves at once: its later stages are slow here, and are tested elsewhere.
     const ContactBatch<float>& batch = solver == SolverKind::automatic ? easy : ragged;
     SolverOptions options = quick(solver);
     if (solver == SolverKind::automatic) options.tolerance = 1e-2;

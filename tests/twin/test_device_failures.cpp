@@ -11,7 +11,7 @@ namespace stiction::test {
 namespace {
 
 constexpr float kUntouched = -77.5F;
-/// So small that a batch passes through the buffers in many pieces.
+/// A piece so small that a batch passes through the buffers in many of them.
 constexpr Offset kSmallPiece = 3000;
 /// Still small: a batch passes through in a few pieces.
 constexpr Offset kPiece = 40000;

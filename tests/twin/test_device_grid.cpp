@@ -21,7 +21,7 @@ constexpr int kLanes = 2;
 constexpr int kBlocks = 3;
 constexpr int kWidth = kLanes * kBlocks;
 
-/// What every lane of a grid saw.
+/// Values that every lane of a grid saw.
 struct Seen {
   Index size[kWidth] = {};
   Index total[kWidth] = {};

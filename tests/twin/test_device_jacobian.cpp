@@ -181,7 +181,7 @@ TEST(DeviceJacobian, ABadMassStaysInItsEnvironment) {
     const auto device = std::make_shared<cuda::EmulatedDevice>();
     Machine<double> machine(device, JacobianCapacity::of(bad, use), use);
     Answer<double> answer(bad);
-    // What an earlier batch left in the matrices must not reach a flag.
+    // Contents of the matrices from an earlier batch must not reach a flag.
     RoomyJacobians<double> poisoned(batch.view(), 0, 0);
     poisoned.J.assign(poisoned.J.size(), std::numeric_limits<double>::quiet_NaN());
     machine.solve(poisoned.view(MemorySpace::cuda), answer.view(), StreamRef::default_stream());
@@ -289,7 +289,7 @@ TEST(DeviceJacobian, ACapturedSolveIsReplayedWithOtherNumbersAndCounts) {
       const auto device = std::make_shared<cuda::EmulatedDevice>(cuda::EmulatedDeviceOptions{2, 3, seed});
       const cuda::Stream stream(*device);
       RoomyJacobians<float> arrays(random_batch<float>(3, {}).view(), room, 200);
-      // Where a batch is shorter the arrays keep their room.
+      // The arrays of a shorter batch keep their room.
       const auto view = arrays.view(MemorySpace::cuda);
       JacobianCapacity capacity = JacobianCapacity::of_largest(view.env_count, 90, 40, 24);
       capacity.rows = view.row_count;

@@ -257,7 +257,7 @@ TEST(DeviceJacobianDerivative, ACaptureNeedsACallOfItsSizeBefore) {
   device->begin_capture(stream.get());
   machine.jvp(job, StreamRef(stream.get()));
   const auto graph = device->end_capture(stream.get());
-  // What the graph reads stays where it is: a call that needs more is refused before anything is read.
+  // Arrays that the graph reads stay in place: a call that needs more is refused before anything is read.
   JacobianJvpJob<float> larger = job;
   larger.contact.count = 3;
   EXPECT_NE(error_message([&] { machine.jvp(larger, StreamRef(stream.get())); }).find("a graph holds the room"),

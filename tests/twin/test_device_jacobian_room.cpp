@@ -9,7 +9,7 @@
 #include "tests/support/systems/jacobian_systems.hpp"
 #include "tests/support/systems/roomy_jacobians.hpp"
 
-/// What a device takes room for when a solver of Jacobian batches is made, so that a solve allocates and loads nothing.
+/// Memory that a device takes when a solver of Jacobian batches is made, so that a solve allocates and loads nothing.
 namespace stiction::test {
 namespace {
 

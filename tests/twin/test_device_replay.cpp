@@ -23,7 +23,7 @@ int number_from(const char* variable, int otherwise) {
   return text == nullptr ? otherwise : std::stoi(text);
 }
 
-/// What environments are drawn from: the mixed scene, and every recorded robot that is there.
+/// Pool that environments are drawn from: the mixed scene, and every recorded robot that is there.
 ContactBatch<float> pool() {
   ContactBatch<double> all = scene_batch("mixed", 256, 12);
   all.set_law(Law::coulomb);

@@ -10,8 +10,8 @@
 #include "tests/support/machines/device_jacobians.hpp"
 #include "tests/support/machines/every_solver.hpp"
 
-/// What launches of the engine ask for, against what GPUs have. One that asks for more fails there whatever the batch,
-/// since every class of the capacity is launched.
+/// Launches of the engine, against the limits of GPUs. One that asks for more fails there whatever the batch, since
+/// every class of the capacity is launched.
 namespace stiction::test {
 namespace {
 

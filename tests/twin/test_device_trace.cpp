@@ -10,7 +10,7 @@
 #include "stiction/trace.hpp"
 #include "tests/support/machines/device_batch.hpp"
 
-/// What a device's trace holds: measured by events on its streams, and nothing of the answer's bits.
+/// Contents of a device's trace: measured by events on its streams, and nothing of the answer's bits.
 namespace stiction::test {
 namespace {
 

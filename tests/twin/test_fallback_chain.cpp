@@ -67,7 +67,7 @@ void expect_device_twin(double tolerance, Index max_iterations, Index most_rows 
 }
 
 TEST(FallbackChain, ADeviceTakesTheStagesOfTheCpu) {
-  // So few iterations leave most environments to every stage.
+  // These few iterations leave most environments to every stage.
   expect_device_twin<float>(1e-5, 5);
   expect_device_twin<double>(1e-7, 5);
 }
@@ -89,7 +89,7 @@ TEST(FallbackChain, WhateverTheFirstSolverSolvesIsSolved) {
 }
 
 TEST(FallbackChain, GoesOnWhereTheFirstSolverFallsShort) {
-  // So few sweeps do not solve these; the stages above have as many iterations each.
+  // These few sweeps do not solve these; the stages above have as many iterations each.
   const ContactBatch<double> batch = scene_batch("stack", 6, 3);
   const SolverOptions few = automatic(1e-8, 12);
   const Solution<double> answer = solve(batch, few), sweeps = solve(batch, options(SolverKind::npgs, 1e-8, 12));

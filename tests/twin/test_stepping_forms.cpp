@@ -117,7 +117,7 @@ JacobianCapacity room() {
   return JacobianCapacity::of(jacobians<Real>(0).view());
 }
 
-/// What a cone that was there starts from.
+/// Returns the start of a cone that was there.
 template <class Real>
 Real carried(Real lambda) {
   return lambda == Real(0) ? Real(0) : static_cast<Real>(kBeta) * lambda;

@@ -65,7 +65,7 @@ Batch on_device(Arrays& arrays, const Batch& host) {
   return view;
 }
 
-/// Where an answer to a contact batch is written.
+/// Arrays that an answer to a contact batch is written to.
 template <class Real>
 SolutionView<Real> solution_room(Arrays& arrays, const ContactBatchView<Real>& batch) {
   return {arrays.room<Real>(batch.row_count), arrays.room<Real>(batch.row_count),

@@ -32,7 +32,7 @@ void add_repetition(Checks& checks);
 void add_times(Checks& checks);
 void add_sanitizer(Checks& checks);
 void add_profiles(Checks& checks);
-// What the program itself is tried with.
+// Adds the checks of the program itself.
 void add_self(Checks& checks);
 
 }  // namespace stiction::gpu_first

@@ -178,7 +178,7 @@ void two_grids(Report& report) {
       });
 }
 
-/// What order lanes, blocks and streams happened to take must not show.
+/// The order that lanes, blocks and streams happened to take must not show.
 void repeat(Report& report) {
   const bool full = report.setting().full;
   const ContactBatch<double> all = full ? test::twin_batch() : test::small_twin_batch();

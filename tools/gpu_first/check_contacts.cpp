@@ -18,7 +18,7 @@ namespace {
 
 using test::env_hashes;
 
-/// What an environment is, for one that differs.
+/// Describes an environment that differs.
 template <class Real>
 auto description_of(const ContactBatch<Real>& batch) {
   return [&batch](JsonLine& line, std::size_t env) {

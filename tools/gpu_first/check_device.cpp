@@ -8,7 +8,7 @@ namespace stiction::gpu_first {
 
 namespace {
 
-/// What a program of the machine prints about it.
+/// Reports a machine's description of itself, as a program prints it.
 void ask(Report& report, const std::vector<std::string>& command) {
   const Ending ending = run_child(command, 10);
   report.measured(command[0],

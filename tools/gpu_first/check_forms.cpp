@@ -5,7 +5,7 @@
 #include "tools/gpu_first/arrays.hpp"
 #include "tools/gpu_first/check.hpp"
 
-/// What is not a plain contact batch: bodies, worlds, Jacobians, derivatives.
+/// Checks beyond plain contact batches: bodies, worlds, Jacobians, derivatives.
 namespace stiction::gpu_first {
 
 namespace {
@@ -65,7 +65,7 @@ void worlds(Report& report) {
     report.compare(name, [&] { return walked(Device::cpu()); }, [&] { return walked(report.target()->device()); });
   };
   for (const std::string& scene : scenes::world_names()) compare(scene, scene, full ? 256 : 2, full ? 60 : 12, 0);
-  // So many shapes that a tree finds their pairs.
+  // The pile has so many shapes that a tree finds their pairs.
   compare("large pile", "pile", full ? 8 : 1, full ? 60 : 12, full ? 1000 : 150);
 }
 
@@ -87,7 +87,7 @@ JacobianBatch<Real> jacobians(const std::string& kind, bool full) {
   return batch;
 }
 
-/// What a JacobianSolver answers whose batch is where its device reads it.
+/// Returns the answer of a JacobianSolver whose batch is where its device reads it.
 template <class Real>
 Hashes solved_jacobians(const JacobianBatchView<Real>& host, const SolverOptions& options, Target* target) {
   const JacobianCapacity capacity = JacobianCapacity::of(host);

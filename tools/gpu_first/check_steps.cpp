@@ -4,7 +4,7 @@
 #include "tools/gpu_first/arrays.hpp"
 #include "tools/gpu_first/check.hpp"
 
-/// What one step leaves for the next: first guesses, and solves that begin with them.
+/// Data that one step leaves for the next: first guesses, and solves that begin with them.
 namespace stiction::gpu_first {
 
 namespace {

@@ -45,7 +45,7 @@ void time_class(Report& report, const bench::ClassModel& model) {
   });
 }
 
-/// What planning costs beside a solve that does nothing.
+/// Measures planning beside a solve that does nothing.
 void time_plan(Report& report) {
   if (report.target() == nullptr) return report.left_out("", "the CPU is timed by bench_classes");
   for (Offset envs = report.setting().full ? 1024 : 8; envs <= (report.setting().full ? 65536 : 8); envs *= 4) {

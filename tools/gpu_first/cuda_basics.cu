@@ -7,7 +7,7 @@
 #include "cuda/native/cuda_check.hpp"
 #include "tools/gpu_first/target.hpp"
 
-/// What the design of the kernels assumes of the hardware. A chain of one operation by one warp shows its latency,
+/// Assumptions of the kernels' design about the hardware. A chain of one operation by one warp shows its latency,
 /// which nothing hides.
 namespace stiction::gpu_first {
 

@@ -142,7 +142,7 @@ bool begins_with_any(const std::string& name, const std::vector<std::string>& pr
   return false;
 }
 
-/// What the parent says of a check whose process did not say it itself.
+/// Returns the parent's line of a check whose process printed none itself.
 std::string line_of(const Check& check, const Ending& ending) {
   JsonLine line;
   line.add("check", check.name);

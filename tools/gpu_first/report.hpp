@@ -18,7 +18,7 @@ using Hashes = std::vector<std::uint64_t>;
 /// Beginning of a line that is shown at once.
 inline constexpr char kSaid[] = "> ";
 
-/// What the program was asked for.
+/// Arguments of the program.
 struct Setting {
   std::string device = "cuda";  ///< cuda, emulated, ptx (the generated code, by the CPU) or cpu (no comparison)
   bool full = true;             ///< sizes for a GPU, else for a device that the CPU stands in for
@@ -38,7 +38,7 @@ class Report {
   [[nodiscard]] const Setting& setting() const { return setting_; }
   /// The device; null if there is nothing but the CPU.
   [[nodiscard]] Target* target() const { return target_; }
-  /// Whether everything so far was as it should be.
+  /// Returns true if everything so far was as it should be.
   [[nodiscard]] bool good() const { return good_; }
 
   /// Compares what the CPU answers with what the device answers and with the hash that is committed. `describe` says

@@ -21,11 +21,11 @@ class Target {
   /// As the public interface names it.
   [[nodiscard]] virtual Device device() const = 0;
   [[nodiscard]] virtual std::shared_ptr<cuda::DeviceApi> api() const = 0;
-  /// Whether there is a GPU, whose times mean something.
+  /// Returns true if there is a GPU, whose times mean something.
   [[nodiscard]] virtual bool is_native() const = 0;
   /// Returns true if the kernel was compiled: a pack for few minutes leaves some out.
   [[nodiscard]] virtual bool carries(const cuda::KernelRef&) const { return true; }
-  /// What the device and its driver say of themselves.
+  /// Writes the device's and its driver's description of themselves.
   virtual void describe(JsonLine& line) const = 0;
   /// Captures what `queue` queues on the stream. The result launches it once more on that stream.
   virtual std::function<void()> capture(cuda::StreamHandle stream, const std::function<void()>& queue) = 0;

@@ -7,8 +7,8 @@
 namespace stiction::inline STICTION_ISA {
 
 /// An edge's direction is taken only if it separates by that share of the smallest half extent more than a face's. The
-/// second box's face is taken only if it separates by that more than the first's. So boxes that lie on each other keep
-/// their contacts' names while they rock.
+/// second box's face is taken only if it separates by that more than the first's. Boxes that lie on each other thus
+/// keep their contacts' names while they rock.
 inline constexpr double kAxisBias = 0.01;
 
 template <class T>

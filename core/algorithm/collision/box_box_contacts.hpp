@@ -69,8 +69,8 @@ STICTION_HD void sort_features(Manifold<T>& found) {
     }
 }
 
-/// Where the boxes do not meet, `depth` is minus the gap along that direction: at least minus their distance. The
-/// feature is 0 of two edges, else the two sides that meet in the point.
+/// If the boxes do not meet, `depth` is minus the gap along that direction: at least minus their distance. The feature
+/// is 0 of two edges, else the two sides that meet in the point.
 template <class T>
 STICTION_HD_OUTLINE Manifold<T> box_box(const PlacedShape<T>& a, const PlacedShape<T>& b, T margin) {
   Manifold<T> found;

@@ -23,9 +23,9 @@ struct SegmentInBox {
   STICTION_HD T slope(T t) const { return fma_(h[2], beyond(2, t), fma_(h[1], beyond(1, t), h[0] * beyond(0, t))); }
 };
 
-/// Where a segment is nearest to the box. The squared distance is convex and its slope piecewise linear, with kinks
-/// where the segment passes a face's plane. The zero lies between two neighbouring kinks, or the slope is zero on a
-/// stretch, whose middle is returned.
+/// Returns the parameter of a segment's point nearest to the box. The squared distance is convex and its slope
+/// piecewise linear, with kinks where the segment passes a face's plane. The zero lies between two neighbouring kinks,
+/// or the slope is zero on a stretch, whose middle is returned.
 template <class T>
 STICTION_HD_OUTLINE T nearest_to_box(const SegmentInBox<T>& s) {
   T low(-1), high(1), flat_low(2), flat_high(-2);
@@ -60,7 +60,7 @@ STICTION_HD_OUTLINE T nearest_to_box(const SegmentInBox<T>& s) {
 }
 
 /// The axis along which a segment that meets the box leaves it soonest: a face's normal, or across the segment and an
-/// edge. Of equals the first.
+/// edge. The first wins a tie.
 template <class T>
 struct WayOut {
   Vector3<T> normal;
@@ -137,8 +137,8 @@ struct BoxRound {
       const T t1 = div_(s.e[j] - s.c[j], s.h[j]);
       const T enters = min_(t0, t1);
       const T leaves = max_(t0, t1);
-      // Of numbers, max_ and min_; of those with the constants that both begin with, nvcc makes instructions that the
-      // PTX gate refuses.
+      // For numbers these are max_ and min_; from those with the constants that both begin with, nvcc makes
+      // instructions that the PTX gate refuses.
       low = select(enters <= low, low, enters);
       high = select(leaves >= high, high, leaves);
     }

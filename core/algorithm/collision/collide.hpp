@@ -6,7 +6,7 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// Contacts of two placed shapes, whatever they are. Of two planes none.
+/// Contacts of two placed shapes, whatever they are. Two planes have none.
 template <class T>
 STICTION_HD_OUTLINE Manifold<T> collide(const PlacedShape<T>& a, const PlacedShape<T>& b, T margin) {
   Manifold<T> found;

@@ -3,7 +3,7 @@
 #include "core/algorithm/collision/collide.hpp"
 #include "core/algorithm/collision/near_pairs.hpp"
 
-/// What a step begins with: inverse inertias in world axes, what forces do to the twists, and the contacts.
+/// Prepares a step: inverse inertias in world axes, what forces do to the twists, and the contacts.
 namespace stiction::inline STICTION_ISA {
 
 /// Manifolds of the pairs of one environment.

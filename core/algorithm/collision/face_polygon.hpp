@@ -41,8 +41,8 @@ STICTION_HD_OUTLINE FacePolygon<T> cut(const FacePolygon<T>& whole, Index coordi
   return part;
 }
 
-/// Which corners to keep, as bits. Of those at or below `highest` they are the lowest, the one farthest from it, and
-/// the two farthest on either side of their line. Of equals the first.
+/// Returns the corners to keep, as bits. At or below `highest` they are the lowest, the one farthest from it, and the
+/// two farthest on either side of their line. The first wins a tie.
 template <class T>
 STICTION_HD_OUTLINE std::uint32_t four_corners(const FacePolygon<T>& polygon, T highest) {
   std::uint32_t kept = 0;

@@ -61,7 +61,7 @@ STICTION_HD Real pair_margin(const WorldModelView<Real>& model, const MovingShap
   return model.margin + (a.travel + b.travel);
 }
 
-/// Whether two shapes are near enough to look closer.
+/// Returns true if two shapes are near enough to look closer.
 template <class Real>
 STICTION_HD bool bounds_overlap(const MovingShape<Real>& a, const MovingShape<Real>& b, Real margin) {
   const Vector3<Real> apart = subtract(b.placed.centre, a.placed.centre);

@@ -43,7 +43,7 @@ struct NearWorkspace {
   }
 };
 
-/// f(the other shape) for every near pair that this shape counts as its own. Those are the ones with shapes of the
+/// f(the other shape) for every near pair that this shape counts as its own. They are the ones with shapes of the
 /// world, and with shapes after it. A shape of the world has none.
 template <class Real, class F>
 STICTION_HD void for_each_own_pair(const WorldModelView<Real>& model, const ShapeTree<Real>& tree, Index shape, F&& f) {
@@ -91,7 +91,7 @@ STICTION_HD Offset count_near_pairs(TeamT& team, const WorldJob<Real>& job, Offs
 }
 
 /// Writes them, after they were counted, to `near`. The order of numbers is that of the lower body, then of the other
-/// one. So the world's pairs come first, in order of the other body, and then those of each body. Within such a run
+/// one. The world's pairs hence come first, in order of the other body, and then those of each body. Within such a run
 /// they are sorted.
 template <Team TeamT, class Real>
 STICTION_HD void list_near_pairs(TeamT& team, const WorldModelView<Real>& model, const NearWorkspace<Real>& workspace,

@@ -59,7 +59,7 @@ STICTION_HD Axes3<T> axes_of(const Quaternion<T>& q) {
           {two * (q.x * q.z + q.w * q.y), two * (q.y * q.z - q.w * q.x), one - two * (q.x * q.x + q.y * q.y)}};
 }
 
-/// Of unit length; of a quaternion that has no length, not finite.
+/// Returns a quaternion of unit length; one without a length gives numbers that are not finite.
 template <class T>
 STICTION_HD Quaternion<T> normalised(const Quaternion<T>& q) {
   const T norm = sqrt_((q.w * q.w + q.x * q.x) + (q.y * q.y + q.z * q.z));

@@ -9,13 +9,13 @@
 /// children 2 k and 2 k + 1, so there are no pointers, and the tree follows from the shapes. (Chitalu, Dubach and
 /// Komura, Binary ostensibly-implicit trees for fast collision detection, Computer Graphics Forum 39(2), 2020.)
 ///
-/// The tree only spares tests: bounds_overlap() has the last word on every pair. So no rounding in the order of the
+/// The tree only spares tests: bounds_overlap() has the last word on every pair. Hence no rounding in the order of the
 /// shapes reaches a contact, and boxes may be larger than need be. They must not be too small: two shapes that pass
 /// bounds_overlap() have boxes that overlap. Let u be half an ulp of 1, and r what reach_of() computes, with half the
-/// margin. The test rounds a handful of times. So on each axis the centres of such a pair are at most
-/// (r_a + r_b) (1 + 16 u) + t apart. Underflow can hide t: the root of four of the smallest normal numbers, below
-/// 1e-18. A box goes r (1 + 64 u) + kUnderflow from the centre on both sides, so in exact numbers the ends overlap.
-/// Rounding is monotone, so they do when they are rounded. Unions of boxes and comparisons do not round.
+/// margin. The test rounds a handful of times. On each axis the centres of such a pair are therefore at most (r_a +
+/// r_b) (1 + 16 u) + t apart. Underflow can hide t: the root of four of the smallest normal numbers, below 1e-18. A
+/// box goes r (1 + 64 u) + kUnderflow from the centre on both sides, so in exact numbers the ends overlap. Rounding is
+/// monotone, so they do when they are rounded. Unions of boxes and comparisons do not round.
 namespace stiction::inline STICTION_ISA {
 
 /// Coordinates and reaches from which squares may overflow [m]. Such shapes are tested against all others.
@@ -65,7 +65,7 @@ STICTION_HD Box3<Real> box_of(const MovingShape<Real>& shape, Real margin) {
   return {subtract(c, r), added(c, r)};
 }
 
-/// Where a shape is looked for. Of a shape that is nowhere, with a NaN in its centre or its travel, no test holds.
+/// Place to search for a shape. A shape that is nowhere, with a NaN in its centre or its travel, passes no test.
 enum class ShapePlace : std::uint8_t { tree, everywhere, nowhere };
 
 template <class Real>

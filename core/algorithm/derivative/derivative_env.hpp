@@ -52,7 +52,7 @@ STICTION_HD Offset derivative_elements(const DerivativeJob<Real>& job, Offset en
                              most_unknowns(job, env));
 }
 
-/// That scratch, laid out.
+/// Divides that scratch into its arrays.
 STICTION_HD DerivativeScratch lay_out(Offset n, Offset cones, Offset dofs, Offset most, double* memory) {
   const auto take = [&](Offset count) {
     double* const begin = memory;

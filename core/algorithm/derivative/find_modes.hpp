@@ -7,7 +7,7 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// What is known of an environment before its system is solved.
+/// Facts about an environment before its system is solved.
 struct ModesFound {
   std::uint32_t flags;
   double forward_residual;
@@ -90,7 +90,7 @@ STICTION_HD void write_directions(const EnvView<Real>& env, const DerivativeScra
   }
 }
 
-/// Whether the environment came with an answer.
+/// Returns true if the environment came with an answer.
 template <class Real>
 STICTION_HD std::uint32_t answer_flags(const EnvView<Real>& env, const DerivativeJob<Real>& job, Offset index) {
   std::uint32_t flags = 0;
@@ -99,7 +99,7 @@ STICTION_HD std::uint32_t answer_flags(const EnvView<Real>& env, const Derivativ
   return flags;
 }
 
-/// Where each cone's unknowns begin; returns how many there are. One lane needs no parts for that.
+/// Writes the first unknown of each cone; returns how many there are. One lane needs no parts for that.
 template <Team TeamT>
 STICTION_HD Index scan_unknowns(TeamT& team, Index* first, Index cones, Index* parts) {
   if constexpr (requires { requires TeamT::size() == 1; }) {

@@ -17,7 +17,7 @@ struct RelaxedScratch : DerivativeScratch {
   double* hi_share;  ///< its upper one                                   (n)
 };
 
-/// What an environment of so many rows takes beside its DerivativeScratch, in doubles.
+/// Returns the doubles that an environment of so many rows needs beside its DerivativeScratch.
 STICTION_HD constexpr Offset relaxed_vectors(Offset rows) {
   return 6 * rows;
 }
@@ -127,7 +127,7 @@ STICTION_HD std::uint32_t solve_relaxed(TeamT& team, const EnvView<Real>& env, c
   for (int step = 0; step < kRelaxedSteps && !point.is_within(kRelaxedAim); ++step) {
     if (!relaxed_step(team, env, s, point.unknowns)) return kGradientSingular;
     for_each(team, env.n, [&](Index i) { s.kept[i] = s.lambda[i]; });
-    // Where roundings are all that is left, half a step is no better than a whole one.
+    // Once only roundings are left, half a step is no better than a whole one.
     const int halvings = point.is_within(kRelaxedLimit) ? 1 : kRelaxedHalvings;
     double length = 1.0;
     bool is_better = false;

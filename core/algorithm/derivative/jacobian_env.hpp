@@ -41,7 +41,7 @@ STICTION_HD Offset jacobian_derivative_elements(const Job& job, Offset env) {
          ChainEnv<Tile>::kVectors * job.assembly.batch.env_dofs(env);
 }
 
-/// Writes A, or Y, and b of an environment whose rows are written. Whether its L is there, on every lane.
+/// Writes A, or Y, and b of an environment whose rows are written. Returns true if its L is there, on every lane.
 template <class Tile, Team TeamT>
 STICTION_HD bool assemble_for_derivative(TeamT& team, const JacobianBatchJob<typename Tile::Real>& job, Offset index,
                                          typename Tile::Real* scratch) {

@@ -7,7 +7,7 @@
 /// (21)), in the precision in which A is assembled.
 namespace stiction::inline STICTION_ISA {
 
-/// Takes dM p of every block from the motion. Of dM the symmetric part counts; with M = L L' it is dL L' + L dL'.
+/// Takes dM p of every block from the motion. Only the symmetric part of dM counts; with M = L L' it is dL L' + L dL'.
 template <Team TeamT, class Tile>
 STICTION_HD void take_mass_change(TeamT& team, const ChainEnv<Tile>& env, const typename Tile::Real* dM) {
   using Real = typename Tile::Real;
@@ -33,7 +33,7 @@ STICTION_HD void take_mass_change(TeamT& team, const ChainEnv<Tile>& env, const 
   });
 }
 
-/// What J and M do to M v+ while the reactions rest, to `motion`: dJ' lambda - dM p.
+/// Adds the change of M v+ by J and M while the reactions rest, to `motion`: dJ' lambda - dM p.
 template <Team TeamT, class Tile>
 STICTION_HD void change_momentum(TeamT& team, const ChainEnv<Tile>& env, const JacobianJvpJob<typename Tile::Real>& job,
                                  Offset index, Offset set) {
@@ -140,7 +140,7 @@ STICTION_HD void change_velocities(TeamT& team, const ChainEnv<Tile>& env,
   single(team, [&] { job.contact.status[index].flags |= flags; });
 }
 
-/// What comes before the contact batch's part. Whether the environment's L is there, on every lane.
+/// Runs before the derivative of the contact batch. Returns true if the environment's L is there, on every lane.
 template <class Tile, Team TeamT>
 STICTION_HD_OUTLINE bool begin_jacobian_jvp(TeamT& team, const JacobianJvpJob<typename Tile::Real>& job, Offset index,
                                             typename Tile::Real* own) {
@@ -149,7 +149,7 @@ STICTION_HD_OUTLINE bool begin_jacobian_jvp(TeamT& team, const JacobianJvpJob<ty
   return is_mass;
 }
 
-/// What comes behind it. All zeros without L; of the scratch nothing is read then.
+/// Runs after the derivative of the contact batch. All zeros without L; of the scratch nothing is read then.
 template <class Tile, Team TeamT>
 STICTION_HD_OUTLINE void end_jacobian_jvp(TeamT& team, const JacobianJvpJob<typename Tile::Real>& job, Offset index,
                                           typename Tile::Real* own, bool is_mass) {

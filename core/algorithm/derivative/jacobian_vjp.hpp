@@ -8,7 +8,7 @@
 /// precision in which A is assembled.
 namespace stiction::inline STICTION_ISA {
 
-/// What the loss says of the reactions: lambda_bar + J M^-1 v_bar. Without L nothing is read of it.
+/// Computes the loss's derivative by the reactions: lambda_bar + J M^-1 v_bar. Without L nothing is read of it.
 template <Team TeamT, class Tile>
 STICTION_HD void seed_env(TeamT& team, const JacobianVjpJob<typename Tile::Real>& job, const ChainEnv<Tile>& env) {
   using Real = typename Tile::Real;
@@ -128,7 +128,7 @@ STICTION_HD void chain_env(TeamT& team, const JacobianVjpJob<typename Tile::Real
   single(team, [&] { job.contact.status[index].flags |= flags; });
 }
 
-/// What comes before the contact batch's part. Whether the environment's L is there, on every lane.
+/// Runs before the derivative of the contact batch. Returns true if the environment's L is there, on every lane.
 template <class Tile, Team TeamT>
 STICTION_HD_OUTLINE bool begin_jacobian_vjp(TeamT& team, const JacobianVjpJob<typename Tile::Real>& job, Offset index,
                                             typename Tile::Real* own) {
@@ -137,7 +137,7 @@ STICTION_HD_OUTLINE bool begin_jacobian_vjp(TeamT& team, const JacobianVjpJob<ty
   return is_mass;
 }
 
-/// What comes behind it. All zeros without L; of the scratch nothing is read then.
+/// Runs after the derivative of the contact batch. All zeros without L; of the scratch nothing is read then.
 template <class Tile, Team TeamT>
 STICTION_HD_OUTLINE void end_jacobian_vjp(TeamT& team, const JacobianVjpJob<typename Tile::Real>& job, Offset index,
                                           typename Tile::Real* own, bool is_mass) {

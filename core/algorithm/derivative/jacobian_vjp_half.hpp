@@ -25,7 +25,7 @@ struct JacobianVjpHalf {
     return part.number(numbers, i);
   }
 
-  /// What is counted of each lane's cones.
+  /// Counts of each lane's cones.
   struct ModeCounts {
     Double unknowns{0};
     Double degenerate{0};

@@ -6,15 +6,15 @@
 /// Which environments of J and M lanes pull back, whole or part by part (jacobian_vjp_pack.hpp).
 namespace stiction::inline STICTION_ISA {
 
-/// Whether an environment may be taken, as far as sizes and numbers do not decide. Its rows, J and M are known to be
-/// sound.
+/// Returns true if an environment may be taken, as far as sizes and numbers do not decide. Its rows, J and M are known
+/// to be sound.
 template <class Real>
 STICTION_HD bool takes_vjp(const JacobianVjpJob<Real>& job, Offset env) {
   if ((job.assembly.to.flags[env] & kNotAssembled) != 0) return false;
   const bool is_solved = job.contact.at.status == nullptr || job.contact.at.status[env].code == EnvCode::solved;
   return job.contact.law == Law::convex && is_solved && takes_form(job.assembly.batch, env);
 }
-/// Whether an environment, or a part of one, of that size is taken. One of more than kMostVelocityDofs is a lane alone.
+/// True if an environment, or a part of one, of that size is taken. One of more than kMostVelocityDofs is a lane alone.
 template <class Real>
 STICTION_HD bool takes_vjp_size(const LaneEnv<Real>& env) {
   return env.dofs > 0 && env.dofs <= kMostLargeDofs && env.rows <= kMostVelocityRows;

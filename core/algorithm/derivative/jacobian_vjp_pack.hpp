@@ -11,7 +11,7 @@
 namespace stiction::inline STICTION_ISA {
 
 /// Squares of how far an adjoint velocity may be off: it is refined above the first, and is no answer above the second.
-/// Where R is 1e-5 of A's diagonal, that much of ν's 16 digits is lost and no refinement brings it back.
+/// With R = 1e-5 of A's diagonal, that much of ν's 16 digits is lost and no refinement brings it back.
 inline constexpr double kRefineAbove = 1e-24;
 inline constexpr double kMostAdjointSquare = 1e-20;
 
@@ -81,7 +81,7 @@ class JacobianVjpPack {
     return select(whole > Double(0), whole, own);
   }
 
-  /// The modes of the answer, and H. What a solve would not call an answer is not taken.
+  /// The modes of the answer, and H. Answers that a solve would reject are not taken.
   STICTION_HD_OUTLINE void find_answer(const Half& half) {
     const DoublePack<Types>& part = half.part;
     auto definite = part.factor_mass();
@@ -121,7 +121,7 @@ class JacobianVjpPack {
                                           ? job_.cotangents.velocity[dof_place(l, k, set)]
                                           : Real(0);
   }
-  /// Where number k of a lane's degrees of freedom is in an array by set and degree of freedom.
+  /// Returns the index of a lane's degree of freedom k in an array by set and degree of freedom.
   [[nodiscard]] STICTION_HD Offset dof_place(int l, Index k, Offset set) const {
     return set * batch().dof_count + batch().env_dof_offsets[envs_[l].env] + dof_of(envs_[l], k);
   }
@@ -155,7 +155,7 @@ class JacobianVjpPack {
       put(job_.lanes.moved, dof_place(l, k, 0), workspace_.scratch[Offset{k} * Types::kStride + l]);
   }
 
-  /// What a lane's set is pulled back to by degree of freedom and by row. Cotangents of J and M are made of that.
+  /// Writes a lane's cotangents by degree of freedom and by row. Cotangents of J and M are made of that.
   STICTION_HD void write_lane(int l, Offset set) {
     for (Index k = 0; k < envs_[l].dofs; ++k) {
       const Offset to = dof_place(l, k, set), from = Offset{k} * Types::kStride + l;
@@ -200,7 +200,7 @@ class JacobianVjpPack {
   JacobianVjpResult* results_;
 };
 
-/// Pulls up to kLanes environments back, or parts of some, that lanes take. What became of each is in `results`, which
+/// Pulls up to kLanes environments back, or parts of some, that lanes take. The outcome of each is in `results`, which
 /// come with the scales of parts. Memory as in solve_pack().
 template <class Types, class Memory>
 STICTION_HD_OUTLINE void jacobian_vjp_pack(const JacobianVjpJob<typename Types::Real>& job,

@@ -16,11 +16,11 @@ struct JacobianVjpWorkspace : VelocityWorkspace<Types> {
   double* slope_q;       ///< ReactionSlope::q; of a single row -1 at lo, 1 at hi  (rows; lanes)
   double* nu;            ///< adjoint reaction                                      (rows; lanes)
   double* image;         ///< what the loss says of the reactions, with what follows them  (rows; lanes)
-  /// Of a cone in units of a slot: normal, inverse, bend, 1 where it slides         (4 slots; lanes)
+  /// By cone, in units of a slot: normal, inverse, bend, 1 where it slides          (4 slots; lanes)
   double* slope_of_cone;
 
   // Arrays of a solve that are something else here.
-  /// Of a slot's first row: -1 where the lane has no such cone, 1 where the row is unilateral   (rows)
+  /// By a slot's first row: -1 if the lane has no such cone, 1 if the row is unilateral         (rows)
   [[nodiscard]] STICTION_HD const typename Base::Numbers& marks() const { return this->prox_center; }
   [[nodiscard]] STICTION_HD const typename Base::Numbers& lambda_bar() const { return this->Jp; }
   [[nodiscard]] STICTION_HD const typename Base::Numbers& w_bar() const { return this->GJp; }

@@ -49,7 +49,7 @@ STICTION_HD void project_reactions(TeamT& team, const EnvView<Real>& env, const 
   });
 }
 
-/// What the change of its bounds does to the reaction of a box row.
+/// Returns the change of a box row's reaction by a change of its bounds.
 template <class Real>
 STICTION_HD double change_by_bounds(const DerivativeScratch&, const JvpJob<Real>& job, Offset at, Index,
                                     ConeMode mode) {
@@ -58,8 +58,8 @@ STICTION_HD double change_by_bounds(const DerivativeScratch&, const JvpJob<Real>
   return 0.0;
 }
 
-/// What the change of its friction or bounds does to the reaction of every row, as long as the unknowns rest; to
-/// `s.nu`. What it does to the tests of sliding cones goes to `s.image`.
+/// Computes the change of every row's reaction by its cone's friction or bounds, while the unknowns rest, to `s.nu`.
+/// Its effect on the tests of sliding cones goes to `s.image`.
 template <Team TeamT, class Real, class Scratch>
 STICTION_HD void change_bounds(TeamT& team, const EnvView<Real>& env, const JvpJob<Real>& job, const Scratch& s,
                                Offset set) {
@@ -89,7 +89,7 @@ STICTION_HD SolutionCheck<double> solve_change(TeamT& team, const EnvView<Real>&
   const Real* const lambda = job.at.lambda + env.first_row;
   const EnvModes<Real> modes = modes_of(env, s);
   project_reactions(team, env, job, s, set);
-  // What b, R and A do to the motion while the reactions rest.
+  // Change of the motion by b, R and A while the reactions rest.
   const auto motion_change = [&](Index i) {
     const double by_b =
         fma_(given(job.tangents.R, rows + i), static_cast<double>(lambda[i]), given(job.tangents.b, rows + i));

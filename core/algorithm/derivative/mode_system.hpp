@@ -93,8 +93,8 @@ STICTION_HD void add_factor(TeamT& team, const EnvView<Real>& env, const Derivat
   });
 }
 
-/// Divides rows, then columns, by powers of two near their largest entries, which rounds nothing. What a pivot is
-/// small against then does not depend on the units of rows.
+/// Divides rows, then columns, by powers of two near their largest entries, which rounds nothing. The scale that a
+/// pivot is small against then does not depend on the units of rows.
 template <Team TeamT, class Matrix, class Wide>
 STICTION_HD void equilibrate(TeamT& team, const Matrix& K, Wide* row_scale, Wide* column_scale) {
   for_each(team, K.n, [&](Index i) {

@@ -47,7 +47,7 @@ STICTION_HD double product_of(double a, double kappa) {
   return max_(a * kappa, 1e-200);
 }
 
-/// What an environment's relaxed problem has beside its numbers.
+/// Data of an environment's relaxed problem beside its numbers.
 struct Relaxing {
   Law law;
   double kappa;

@@ -57,8 +57,8 @@ STICTION_HD_OUTLINE void relaxed_jacobian_vjp_env(TeamT& team, const RelaxedJob<
   end_jacobian_vjp<Tile>(team, own, index, chain, is_mass);
 }
 
-/// Pushes all sets of changes of one environment forward, of J and M where there are such, and writes its record. What
-/// J and M do while the reactions rest depends on the relaxed ones, so they are found before.
+/// Pushes all sets of changes of one environment forward, of J and M where there are such, and writes its record.
+/// Terms of J and M at resting reactions depend on the relaxed reactions, which are therefore found before.
 template <class Tile, Team TeamT, class Real>
 STICTION_HD_OUTLINE void relaxed_jacobian_jvp_env(TeamT& team, const RelaxedJob<JacobianJvpJob<Real>, Real>& job,
                                                   Offset index, double* memory) {

@@ -155,7 +155,7 @@ struct SolutionBar {
   [[nodiscard]] STICTION_HD bool has_w() const { return cotangents.w != nullptr; }
 };
 
-/// Whether every row stores all columns in order, on every lane.
+/// Returns true if every row stores all columns in order, on every lane.
 template <Team TeamT, class Real>
 STICTION_HD bool stores_every_column(TeamT& team, const EnvView<Real>& env) {
   std::uint32_t others = 0;

@@ -6,7 +6,7 @@
 /// Environments of contacts into the lanes in which they are pulled back.
 namespace stiction::inline STICTION_ISA {
 
-/// Where the rows and cones of an environment go in its lane.
+/// Lists the batch's rows and cones of an environment's slots in its lane.
 template <class Real, int W>
 void list_own_rows(const EnvView<Real>& env, const VjpSlots& slots, const VjpWorkspace<Real, W>& s, int lane) {
   Index *const batch_row = s.rows_of(lane), *const cone_row = s.cones_of(lane);

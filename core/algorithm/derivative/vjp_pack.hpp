@@ -7,7 +7,7 @@
 /// vjp_env() of environments side by side (core/algorithm/derivative/README.md). Modes are found one by
 /// one. All that grows faster than with the number of rows is done in lanes: products with A, the system, its factor.
 /// The products and the adjoint are vjp_env()'s own text. The system is summed and factored in another order of loops,
-/// and each number of it in the same order. So all have the bits that they have alone. An environment that has less
+/// and each number of it in the same order. All thus have the bits that they have alone. An environment that has less
 /// than others adds zeros, and one with anything out of the ordinary is left to vjp_env(). Host only.
 namespace stiction::inline STICTION_ISA {
 

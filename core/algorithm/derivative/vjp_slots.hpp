@@ -3,7 +3,7 @@
 #include "core/base/macros.hpp"
 #include "stiction/types.hpp"
 
-/// Where the cones of environments that are pulled back side by side lie. Host only.
+/// Slots of the cones of environments that are pulled back side by side. Host only.
 namespace stiction::inline STICTION_ISA {
 
 /// Cones of several environments in one order that has each environment's own order in it: runs of cones with as many

@@ -7,7 +7,7 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// What one check of convergence leaves to the next: of one environment, or in every lane.
+/// State that one check of convergence leaves to the next: of one environment, or in every lane.
 template <class Real>
 struct Search {
   Counts<Real> iterations = Counts<Real>(0);  ///< done so far
@@ -21,7 +21,7 @@ struct EnvProgress : Search<Real> {
   std::uint32_t flags = 0;  ///< EnvFlag bits from preparing
 };
 
-/// Where all contacts obey their law, those that cannot move need not: others have stilled what they would have
+/// If all contacts obey their law, those that cannot move need not: others have stilled what they would have
 /// followed.
 template <Team TeamT, class Real>
 STICTION_HD void write_status(TeamT& team, const EnvView<Real>& env, EnvCode code, SolverKind solver,
@@ -71,7 +71,7 @@ STICTION_HD_SHARED void write_solution(TeamT& team, const EnvView<Real>& env, co
 /// was short of iterations.
 inline constexpr double kWorseThanNothing = 1e3;
 
-/// What polling between chunks has found: of one environment, or in every lane.
+/// Result of polling between chunks: of one environment, or in every lane.
 template <class Condition>
 struct Poll {
   Condition broken;         ///< the latest iterate is not of numbers
@@ -98,8 +98,8 @@ STICTION_HD bool exceeds(double a, double b) {
   return a > b;
 }
 
-/// Whether the best iterate may be an answer. Its estimate is within the tolerance, or roundings of its reactions are
-/// more than that and all that is left.
+/// Returns true if the best iterate may be an answer. Its estimate is within the tolerance, or roundings of its
+/// reactions are more than that and all that is left.
 template <class Real, class System, class Tolerance>
 STICTION_HD Mask<Real> is_proposed(const System& s, const Limits<Tolerance, Counts<Real>>& rule, Real best) {
   const Real rounding = Real(static_cast<Scalar<Real>>(kUnitRoundoff<Real>)) * s.scalar[kBestReaction];
@@ -129,7 +129,7 @@ STICTION_HD Poll<Mask<Real>> poll_progress(const System& s, const Limits<Toleran
   return poll;
 }
 
-/// Whether a relative residual is of an answer that zero is to be compared with, if it is the last.
+/// Returns true if an answer with that relative residual is to be compared with zero, should it be the last.
 STICTION_HD bool is_collapsed(double relative) {
   return !(relative <= kWorseThanNothing);
 }
@@ -148,7 +148,7 @@ STICTION_HD bool finalize(TeamT& team, const EnvView<Real>& env, const EnvPoll& 
   return true;
 }
 
-/// What an environment's answer is held against.
+/// Returns the allowance that an environment's answer is compared with.
 STICTION_HD Allowance allowance(const StopRule& rule) {
   return {rule.tolerance, rule.absolute};
 }

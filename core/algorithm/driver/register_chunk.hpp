@@ -12,7 +12,7 @@ namespace stiction::inline STICTION_ISA {
 inline constexpr Index kSmallWindow = 4;
 inline constexpr Index kLargeWindow = 6;
 
-/// Whether there are windows at all. Other methods multiply by A, and doubles would need twice the registers there are.
+/// True if there are windows at all. Other methods multiply by A, and doubles would need twice the registers there are.
 template <class Method, class Real>
 inline constexpr bool kHasWindows =
     (Method::kKind == SolverKind::pgs || Method::kKind == SolverKind::npgs || Method::kKind == SolverKind::subspace) &&

@@ -6,7 +6,7 @@
 #include "core/algorithm/system/factor_system.hpp"
 #include "core/algorithm/system/sparse_system.hpp"
 
-/// What all solvers on one kind of team have in common: loading, the record of the best iterate, judging. It is
+/// Instances shared by all solvers on one kind of team: loading, the record of the best iterate, judging. It is
 /// compiled once for a team instead of once for every solver. `kind` is `extern` where it is used and empty in the one
 /// unit that holds it.
 #define STICTION_SHARED_RECORDS(kind, BlockType, kMatrices, ...)                               \

@@ -75,7 +75,7 @@ STICTION_HD void begin_fallbacks(TeamT& team, const EnvView<Real>& env) {
   for_each(team, env.n, [&](Index i) { env.lambda[i] = env.warm_start == nullptr ? Real(0) : env.warm_start[i]; });
 }
 
-/// Whether a solver can treat such an environment at all.
+/// Returns true if a solver can treat such an environment at all.
 STICTION_HD bool can_treat(SolverKind solver, const EnvFeatures& seen) {
   if (seen.has_matrices) {
     if (seen.is_pivots) return false;
@@ -93,19 +93,19 @@ STICTION_HD bool can_treat(SolverKind solver, const EnvFeatures& seen) {
   return solver != SolverKind::lemke || seen.friction_cones == 0;
 }
 
-/// Whether it is a smooth problem without the cones: what Newton's method is best at, and sweeps find easy, too.
+/// Returns true if it is smooth without the cones: Newton's method is best at it, and sweeps find it easy, too.
 STICTION_HD bool is_smooth(const EnvFeatures& seen) {
   return seen.law == Law::convex && seen.is_compliant;
 }
 
-/// Whether an environment begins with splitting.
+/// Returns true if an environment begins with splitting.
 STICTION_HD bool begins_with_splitting(const EnvFeatures& seen) {
   constexpr double kSpreadForSplitting = 1e3;
   const bool is_spread = seen.spread > kSpreadForSplitting && !is_smooth(seen);
   return (is_spread || seen.has_matrices) && can_treat(SolverKind::admm, seen);
 }
 
-/// Whether an environment takes a turn when it comes to it.
+/// Returns true if an environment takes a turn when it comes to it.
 STICTION_HD bool can_take(int turn, const EnvFeatures& seen) {
   const SolverKind solver = turn_solver(turn);
   const bool is_early = is_gradient_cheap(seen.rows, seen.entries) && !begins_with_splitting(seen);
@@ -120,10 +120,10 @@ STICTION_HD int first_turn(const EnvFeatures& seen) {
   return 0;
 }
 
-/// Whether a stage is left out between the first and the last ones, since a later one is certain where it is not. Where
-/// the problem is smooth Newton's method comes without splitting. Where it is a minimum all the same the interior point
-/// comes instead of Newton's method, and without splitting if there is no friction cone. Each then ends in some ten
-/// factorisations.
+/// Returns true if a stage is left out between the first and the last ones, since a later one is certain where it is
+/// not. If the problem is smooth, Newton's method comes without splitting. If it is a minimum all the same, the
+/// interior point comes instead of Newton's method, and without splitting if there is no friction cone. Each then ends
+/// in some ten factorisations.
 STICTION_HD bool is_left_out(int stage, const EnvFeatures& seen) {
   const bool is_certain = is_smooth(seen) || seen.friction_cones == 0;
   if (stage == kSplittingStage) return is_certain;
@@ -137,7 +137,7 @@ STICTION_HD int next_turn(int tried, const EnvFeatures& seen) {
   return tried;
 }
 
-/// Whether an answer leaves something to be wished for that another solver could give.
+/// Returns true if another solver could improve the answer.
 STICTION_HD bool falls_short(const EnvStatus& status) {
   return status.code == EnvCode::max_iterations || status.code == EnvCode::stalled || status.code == EnvCode::numerical;
 }

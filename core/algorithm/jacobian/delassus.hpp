@@ -28,7 +28,7 @@ struct JacobianEnv {
     const Index left = n - tile * Tile::kRows;
     return left < Tile::kRows ? left : Tile::kRows;
   }
-  /// Where a tile's entries of column 0 are; those of column k are k step() further on. Tiles of one row lie row by row
+  /// Returns a tile's entries of column 0; those of column k are k step() further on. Tiles of one row lie row by row
   /// of the transpose, so that lanes side by side read side by side.
   [[nodiscard]] STICTION_HD Real* tile(Index tile) const {
     return Tile::kOneRow ? rows + tile : rows + static_cast<Offset>(tile) * Tile::kRows * dofs;
@@ -204,8 +204,8 @@ STICTION_HD void write_factor(TeamT& team, const JacobianEnv<Tile>& env, typenam
   });
 }
 
-/// A, or Y where the environment is kept as a factor, and b of one environment. What cannot be assembled is flagged and
-/// left zero.
+/// A, or Y where the environment is kept as a factor, and b of one environment. An environment that cannot be
+/// assembled is flagged and left zero.
 template <class Tile, Team TeamT>
 STICTION_HD void assemble_env(TeamT& team, const JacobianJob<typename Tile::Real>& job, Offset index,
                               typename Tile::Real* scratch) {
@@ -271,7 +271,7 @@ STICTION_HD void pull_reactions(TeamT& team, const JacobianEnv<Tile>& env, const
   });
 }
 
-/// Computes v+ = v_free + L^-T L^-1 J' lambda of one environment, L being factored anew. That costs less than a sweep,
+/// Computes v+ = v_free + L^-T L^-1 J' lambda of one environment, L being factored anew. This costs less than a sweep,
 /// and no factor has to be kept from assembling to the end of a solve.
 template <class Tile, Team TeamT>
 STICTION_HD void velocity_env(TeamT& team, const JacobianJob<typename Tile::Real>& job, Offset index,

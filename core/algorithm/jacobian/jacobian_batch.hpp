@@ -12,7 +12,7 @@ namespace stiction::inline STICTION_ISA {
 /// Flags of an environment that gets neither A nor Y.
 inline constexpr std::uint32_t kNotAssembled = kFlagOverCapacity | kFlagBadStructure;
 
-/// What an environment's rows, columns and entries are counted by.
+/// Limit of an environment's rows, columns and entries.
 inline constexpr Offset kMostInUse = std::numeric_limits<Index>::max();
 
 /// How much is in use of part `at` of `total` things; -1 if the offsets or the count make no sense.
@@ -35,8 +35,8 @@ STICTION_HD JacobianExtent extent_of(const JacobianBatchView<Real>& batch, Offse
   return {rows < 0 ? -1 : rows, used_part(batch.env_dof_offsets, nullptr, env, batch.dof_count)};
 }
 
-/// Whether M and J of an environment lie where the batch has something, and J names its degrees of freedom only. The
-/// answer is on every lane.
+/// Returns true if M and J of an environment lie within the batch's arrays, and J names its degrees of freedom only.
+/// The answer is on every lane.
 template <Team TeamT, class Real>
 STICTION_HD_OUTLINE bool jacobian_is_sound(TeamT& team, const JacobianBatchView<Real>& batch, Offset env,
                                            const JacobianExtent& extent) {
@@ -83,7 +83,7 @@ STICTION_HD void count_env(TeamT& team, const JacobianBatchJob<Real>& job, Offse
   });
 }
 
-/// Whether an environment has its answer, so that nothing is assembled of it.
+/// Returns true if an environment has its answer, so that nothing is assembled of it.
 template <class Real>
 STICTION_HD bool is_answered(const JacobianArrays<Real>& arrays, Offset env) {
   return arrays.answered != nullptr && (arrays.answered[env] & kAnswered) != 0;
@@ -99,8 +99,8 @@ STICTION_HD void leave_out_answered(const JacobianArrays<Real>& arrays, Offset e
   arrays.env_cone_counts[env] = 0;
 }
 
-/// Where the entries of all environments begin, from how many each has. What ends beyond the room gets none, nor does
-/// any that comes behind.
+/// Writes the first entry of every environment, from how many each has. An environment that ends beyond the room gets
+/// none, nor does any behind it.
 template <Team TeamT>
 STICTION_HD void scan_entries(TeamT& team, Offset* entries, Index envs, Offset room, std::uint32_t* flags,
                               Offset* parts) {
@@ -123,7 +123,7 @@ STICTION_HD void scan_entries(TeamT& team, Offset* entries, Index envs, Offset r
   });
 }
 
-/// Computes the places of all environments, and the end of each one's rows in the contact batch. That is where the
+/// Computes the places of all environments, and the end of each one's rows in the contact batch. This is where the
 /// next one with rows begins, which may be too broken to say so. One team's work.
 template <Team TeamT, class Real>
 STICTION_HD void scan_envs(TeamT& team, const JacobianBatchJob<Real>& job) {
@@ -145,7 +145,7 @@ STICTION_HD void scan_envs(TeamT& team, const JacobianBatchJob<Real>& job) {
   });
 }
 
-/// Where the entries of an environment's rows are, and b of what is not assembled.
+/// Writes the offsets of an environment's rows, and b of what is not assembled.
 template <Team TeamT, class Real>
 STICTION_HD void write_rows(TeamT& team, const JacobianBatchJob<Real>& job, Offset env) {
   const JacobianArrays<Real>& to = job.to;

@@ -7,7 +7,7 @@
 
 /// M = L L' and what is solved by it (docs/howto/jacobian.md). A product with a zero may be left out or not, whichever
 /// is faster. It could change the sign of a zero only, which reaches no other number, and neither A, Y nor velocities
-/// keep it. That takes finite factors; those of L are checked, and any other is in a row that is flagged for it.
+/// keep it. This takes finite factors; those of L are checked, and any other is in a row that is flagged for it.
 namespace stiction::inline STICTION_ISA {
 
 /// A block-diagonal lower triangular matrix: one block makes it dense, blocks of one row make it a diagonal. The rows
@@ -40,8 +40,8 @@ struct BlockTriangle {
   }
 };
 
-/// The lower triangle of M into the panels; or a factor that came as M. Whether that is one: positive on the diagonal,
-/// and finite. Numbers that belong to no entry may be anything.
+/// The lower triangle of M into the panels; or a factor that came as M. Returns true if it is a factor: positive on
+/// the diagonal, and finite. Numbers that belong to no entry may be anything.
 template <class Tile, Team TeamT>
 STICTION_HD bool load_mass(TeamT& team, const BlockTriangle<Tile>& L, const Scalar<typename Tile::Wide>* M,
                            MassForm form) {
@@ -90,7 +90,7 @@ STICTION_HD void substitute_group(typename Tile::Wide (&sum)[Tile::kLanes][Tile:
 }
 
 /// Pivots of `count` columns of a panel from `group` on, which are rows of it too, and the entries below them in the
-/// panel. Whether all pivots were positive and finite.
+/// panel. Returns true if all pivots were positive and finite.
 template <class Tile>
 STICTION_HD bool factor_group(typename Tile::Real* columns, Index group, Index count) {
   using Wide = typename Tile::Wide;
@@ -119,8 +119,8 @@ STICTION_HD bool factor_group(typename Tile::Real* columns, Index group, Index c
 }
 
 /// Factors M = L L', right-looking, as many columns at a time as a vector has lanes. Entry (i, j) takes its updates in
-/// the order of the columns on every machine. Whether every pivot was positive and finite, on every lane; where one
-/// was not the factor is unfinished. A number that is not finite below the diagonal leaves no such pivot in its row.
+/// the order of the columns on every machine. Returns true if every pivot was positive and finite, on every lane;
+/// otherwise the factor is unfinished. A number that is not finite below the diagonal leaves no such pivot in its row.
 template <class Tile, Team TeamT>
 STICTION_HD bool factor_mass(TeamT& team, const BlockTriangle<Tile>& L, const Scalar<typename Tile::Wide>* M,
                              MassForm form) {
@@ -209,7 +209,7 @@ STICTION_HD void substitute(const BlockTriangle<Tile>& L, typename Tile::Real* x
     if (!full.any(panel.begin, panel.first + panel.count)) continue;
     for (Index group = 0; group < panel.count; group += kGroup) {
       // Works on as many columns together as there are lanes. A known one is read once for all of them, and their sums
-      // do not wait for each other. What there is behind the block's last one is not kept.
+      // do not wait for each other. Entries behind the block's last one are not kept.
       const Index first = panel.first + group;
       const Index count = panel.count - group < kGroup ? panel.count - group : kGroup;
       Real* const own = x + static_cast<Offset>(first) * step;

@@ -7,7 +7,7 @@
 namespace stiction::inline STICTION_ISA {
 
 /// Builds the dense matrix from rows that are stored in full, in tiles. A tile is some rows of the system times as
-/// many columns of the batch. So both the batch and the system are touched along their lines. Rows of padding are
+/// many columns of the batch. Both the batch and the system are thus touched along their lines. Rows of padding are
 /// scaled by zero. Meanwhile x holds the slot of each of the batch's rows. y holds where each of the system's begins
 /// in the batch, and best its scale. All are numbers that a Real holds exactly.
 template <Team TeamT, class Real, int kStride>

@@ -5,10 +5,10 @@
 #include "core/algorithm/system/sparse_system.hpp"
 
 /// Rows that cannot move (docs/math/immovable.md): all of A + diag R is zero there, so w = b whatever the reactions
-/// are. What is left to choose about such a row is known while it is loaded, and no method is given it.
+/// are. The choice that such a row leaves is known while it is loaded, and no method is given it.
 namespace stiction::inline STICTION_ISA {
 
-/// Whether a row of A + diag R is zero. Where R < 0 it is not.
+/// Returns true if a row of A + diag R is zero. A row with R < 0 is not.
 template <class Real>
 STICTION_HD_OUTLINE bool is_flat_row(const EnvView<Real>& env, Index row) {
   const bool has_factor = env.factor != nullptr;
@@ -21,7 +21,7 @@ STICTION_HD_OUTLINE bool is_flat_row(const EnvView<Real>& env, Index row) {
 }
 
 /// Rows of a cone that are held, bit k for row k with the normal first. A contact whose normal row is flat carries
-/// nothing: all of its rows are. Of a free cone each row counts for itself. Those of semidefinite have none.
+/// nothing: all of its rows are. Each row of a free cone counts for itself. Semidefinite cones have none.
 template <class Real>
 STICTION_HD_OUTLINE unsigned held_rows(const EnvView<Real>& env, Index cone) {
   const ConeKind kind = env.kind[cone];
@@ -38,15 +38,15 @@ STICTION_HD_OUTLINE unsigned held_rows(const EnvView<Real>& env, Index cone) {
   return held;
 }
 
-/// The reaction of a box row whose motion is b: the bound that b pushes it to. Where there is none no reaction obeys
-/// the law, and it is the one nearest to zero.
+/// The reaction of a box row whose motion is b: the bound that b pushes it to. If there is none, no reaction obeys the
+/// law, and it is the one nearest to zero.
 template <class Real>
 STICTION_HD Real held_reaction(Real b, Real lo, Real hi) {
   const Real bound = b > Real(0) ? lo : hi;
   return b != Real(0) && finite_(bound) ? bound : canonical_zero(clamp_(Real(0), lo, hi));
 }
 
-/// Whether the law of a cone with held rows asks one of them to move: no reaction obeys it.
+/// Returns true if the law of a cone with held rows asks one of them to move: no reaction obeys it.
 template <class Real>
 STICTION_HD_OUTLINE bool is_asked_to_move(const EnvView<Real>& env, Index cone, unsigned held) {
   const ConeKind kind = env.kind[cone];
@@ -78,7 +78,7 @@ STICTION_HD void hold_row(const DenseSystem<Real, kStride>& s, const EnvView<Rea
   for (Index j = 0; couples && j < s.n; ++j) s.A[row + s.n * j] = s.A[j + s.n * row] = 0;
   s.A[row + s.n * row] = 1;
 }
-/// What hold_row() does to the blocks of the rows from `first` on.
+/// Applies hold_row() to the blocks of the rows from `first` on.
 template <class Real>
 STICTION_HD void hold_block(const FileOrderSystem<Real>& s, Index first, Index size, Index row, bool couples) {
   const Index own = row - first;

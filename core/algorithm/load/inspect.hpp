@@ -13,7 +13,7 @@ inline constexpr std::uint32_t kHarmlessFlags = kFlagWarmStartRejected | kFlagCo
 /// Beside the flags of an environment that is being loaded: some of its rows are held. No status has it.
 inline constexpr std::uint32_t kHoldsRows = 1U << 31;
 
-/// What one pass over an environment's numbers tells.
+/// Result of one pass over an environment's numbers.
 template <class Real>
 struct Inspection {
   std::uint32_t flags;    ///< EnvFlag bits; any but kHarmlessFlags makes the input invalid
@@ -29,8 +29,8 @@ struct RowScan {
   bool finite;
 };
 
-/// Whether all of them are finite. There is no branch on the data, so that it vectorises. This reads every entry of
-/// every environment, and on small systems that costs as much as sweeps do.
+/// Returns true if all of them are finite. There is no branch on the data, so that it vectorises. This reads every
+/// entry of every environment, and on small systems that costs as much as sweeps do.
 template <class Real>
 STICTION_HD bool all_finite(const Real* a, Offset count) {
   unsigned broken = 0;

@@ -14,7 +14,7 @@
 /// so no list of islands is made.
 namespace stiction::inline STICTION_ISA {
 
-/// Whether a block of A has an entry.
+/// Returns true if a block of A has an entry.
 template <class Real, int kStride>
 STICTION_HD bool couples(const DenseSystem<Real, kStride>& s, Index row, Index rows, Index column, Index columns) {
   for (Index j = column; j < column + columns; ++j)
@@ -32,8 +32,8 @@ STICTION_HD void for_each_own(const DenseSystem<Real, kStride>& s, F&& f) {
   });
 }
 
-/// One pass: s.island of each cone becomes the largest of those that it is coupled with. Whether any has changed. A
-/// cone that is coupled with the one of the largest scale, `top`, needs no other.
+/// One pass: s.island of each cone becomes the largest of those that it is coupled with. Returns true if any has
+/// changed. A cone that is coupled with the one of the largest scale, `top`, needs no other.
 template <class Real, int kStride>
 STICTION_HD bool spread_scales(const DenseSystem<Real, kStride>& s, Real most, ConeSlot top, Index top_rows) {
   bool has_changed = false;

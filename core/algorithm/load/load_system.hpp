@@ -35,7 +35,7 @@ STICTION_HD void load_row(const EnvView<Real>& env, System& s, Index cone, ConeS
   }
 }
 
-/// What a method asks of the numbers it is given.
+/// Requirements of a method on the numbers it is given.
 struct LoadRules {
   bool needs_symmetry;      ///< an asymmetric A is refused
   bool takes_any_diagonal;  ///< rows whose diagonal is not positive are not
@@ -49,7 +49,7 @@ STICTION_HD LoadRules load_rules(Law law, const System& s) {
   return {Method::needs_symmetry(law) || takes_gradients, requires { Method::kTakesAnyDiagonal; }};
 }
 
-/// Whether an environment that was found to be sound starts from its guess.
+/// Returns true if an environment that was found to be sound starts from its guess.
 template <class Real>
 STICTION_HD bool takes_warm_start(const EnvView<Real>& env, const Inspection<Real>& seen) {
   return env.warm_start != nullptr && (seen.flags & kFlagWarmStartRejected) == 0;
@@ -156,7 +156,7 @@ STICTION_HD void begin_method(TeamT& team, const EnvView<Real>& env, System& s) 
   start_method<Method, kLaw>(team, env, s);
 }
 
-/// Whether an environment with those flags can be solved.
+/// Returns true if an environment with those flags can be solved.
 STICTION_HD bool is_solvable(std::uint32_t flags) {
   return (flags & ~kHarmlessFlags) == 0;
 }

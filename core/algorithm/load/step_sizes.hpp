@@ -2,7 +2,7 @@
 
 #include "core/algorithm/residual/residual_estimate.hpp"
 
-/// What a cone's rows of A tell of its step: bounds of eigenvalues, and the metric of a convex sweep.
+/// Step sizes of a cone from its rows of A: bounds of eigenvalues, and the metric of a convex sweep.
 namespace stiction::inline STICTION_ISA {
 
 /// An upper bound on the largest eigenvalue of the symmetric part of rows and columns [kFirst, M) of a cone's block.
@@ -39,7 +39,7 @@ STICTION_HD auto largest_eigenvalue_bound(const System& s, Index row) {
 /// Smallest tangential step bound relative to the whole block's.
 inline constexpr float kSmallestTangential = 1.0F / (1 << 30);
 
-/// What an environment's numbers are multiplied by.
+/// Factors that an environment's numbers are multiplied by.
 template <class Real>
 struct LoadScales {
   Real a;  ///< A, a power of two

@@ -102,8 +102,8 @@ STICTION_HD ConePoint project_friction_cone(const double (&z)[3], double mu) {
 
 // With a compliance for each axis (docs/math/newton.md, (2)-(6)).
 
-/// Where on its law a cone is. Within kSeparating and kSticking the reaction is affine in u; while a cone slides it is
-/// not.
+/// Zone of the law that a cone is in. Within kSeparating and kSticking the reaction is affine in u; while a cone
+/// slides it is not.
 enum ConeZone : int {
   kSeparating = 0,  ///< at the cone's apex, or at a box's bound: the reaction does not change with u
   kSticking,        ///< inside: x = -u / R

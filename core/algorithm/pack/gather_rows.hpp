@@ -18,7 +18,7 @@ struct PendingLoad {
   bool is_scaled = false;   ///< and in the solver's coordinates
 };
 
-/// Whether the canonical order of an environment's rows is that of the batch.
+/// Returns true if the canonical order of an environment's rows is that of the batch.
 template <class Real>
 bool is_canonical(const EnvView<Real>& env) {
   Index apart = 0;
@@ -59,7 +59,7 @@ bool list_rows(const EnvView<Real>& env, const DenseSystem<Real, W>& s, Index* b
   return apart == 0;
 }
 
-/// Whether columns ascend in every row, so that no row has one twice. False tells nothing.
+/// Returns true if columns ascend in every row, so that no row has one twice. False tells nothing.
 template <class Real>
 bool columns_ascend(const EnvView<Real>& env) {
   unsigned off = 0;

@@ -2,11 +2,11 @@
 
 #include "core/algorithm/pack/gather_rows.hpp"
 
-/// Where the rows and columns of matrices that are dealt out to lanes lie in memory.
+/// Rows and columns of matrices in memory, as they are dealt out to lanes.
 namespace stiction::inline STICTION_ISA {
 
-/// Cuts a lane's columns into tiles and returns how many there are. Where a lane has padding it goes on reading what is
-/// next, up to the next cut.
+/// Cuts a lane's columns into tiles and returns how many there are. A lane with padding goes on reading what is next,
+/// up to the next cut.
 template <class Real, class Workspace>
 Index cut_columns(const Workspace& workspace, const PendingLoad<Real>* loads, int count) {
   ColumnTile* const tiles = workspace.tile;
@@ -24,8 +24,8 @@ Index cut_columns(const Workspace& workspace, const PendingLoad<Real>* loads, in
   return found;
 }
 
-/// Where an entrant's rows lie. The last rows of a matrix that is read where it is stored are copied, so that a tile
-/// may reach beyond its end.
+/// Finds an entrant's rows. The last rows of a matrix that is read where it is stored are copied, so that a tile may
+/// reach beyond its end.
 template <class Real, class Workspace>
 void find_rows(const Workspace& workspace, const PendingLoad<Real>& load) {
   constexpr Index kLine = Workspace::kLine, W = Workspace::kLanes;

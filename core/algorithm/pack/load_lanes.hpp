@@ -5,11 +5,11 @@
 #include "core/algorithm/pack/weigh_lanes.hpp"
 #include "core/algorithm/residual/final_residual.hpp"
 
-/// Environments that enter lanes of a pack together. What load_system() does for one of them is done for all at once.
+/// Environments that enter lanes of a pack together. It does for all at once what load_system() does for one of them.
 /// Their numbers are transposed into the lanes as the batch has them, and whatever is computed is computed there.
 namespace stiction::inline STICTION_ISA {
 
-/// Whether all entries of A are finite.
+/// Returns true if all entries of A are finite.
 template <class Real>
 bool has_finite_rows(const EnvView<Real>& env) {
   bool finite = true;
@@ -17,7 +17,7 @@ bool has_finite_rows(const EnvView<Real>& env) {
   return finite;
 }
 
-/// What a pass over the numbers of all lanes tells.
+/// Result of a pass over the numbers of all lanes.
 template <class Lanes>
 struct LanesSeen {
   Mask<Lanes> broken, negative_compliance, negative_friction, crossed_bounds, bad_diagonal, flat, bad_guess;
@@ -310,7 +310,7 @@ STICTION_HD_SHARED void finish_lanes(DenseSystem<Pack<Real, W>>& pack, const Pac
   });
 }
 
-/// What is left to do for them, but for the record of their first iterates. The lanes' islands are weighed.
+/// Completes their loading, but for the record of their first iterates. The lanes' islands are weighed.
 template <class Real, int W>
 STICTION_HD_SHARED void start_lanes(DenseSystem<Pack<Real, W>>& pack, const PackWorkspace<Real, W>& workspace,
                                     const DenseSystem<Real, W>* lanes, const EnvView<Real>* const* envs,

@@ -15,7 +15,7 @@ struct ColumnTile {
   Index count;
 };
 
-/// What a pack of W environments needs beside its system. `Lanes` arrays hold a number of each lane side by side.
+/// Memory of a pack of W environments beside its system. `Lanes` arrays hold a number of each lane side by side.
 template <class Real, int W>
 struct PackWorkspace {
   using Lanes = Pack<Real, W>;
@@ -24,7 +24,7 @@ struct PackWorkspace {
   /// No tile is wider: how far behind a row's last number one may reach.
   static constexpr Index kLine = 64 / static_cast<Index>(sizeof(Real));
 
-  // Of each lane's environment, as long as it is there.
+  // Each lane's environment, as long as it is there.
   Index* batch_row;    ///< the environment's row in each of a lane's, -1: none    (W; n)
   Lanes* scale;        ///< what that row is multiplied by, 0: there is none       (n)
   Lanes* lo;           ///< bounds of box cones in the batch's units               (cones)
@@ -107,7 +107,7 @@ void widen_lanes(const float* from, Pack<double, W>& to) {
 /// How many doubles go into the vector of W Reals.
 template <class Real, int W>
 inline constexpr int kWideLanes = W * static_cast<int>(sizeof(Real)) / static_cast<int>(sizeof(double));
-/// Those from lane `first` on.
+/// Widens lanes from `first` on.
 template <class Real, int W>
 Pack<double, kWideLanes<Real, W>> widened(const Pack<Real, W>& lanes, int first) {
   Pack<double, kWideLanes<Real, W>> values;
@@ -115,7 +115,7 @@ Pack<double, kWideLanes<Real, W>> widened(const Pack<Real, W>& lanes, int first)
   return values;
 }
 
-/// Whether a mask is set in one lane.
+/// Returns true if a mask is set in one lane.
 template <class T, int W>
 bool is_set(PackMask<T, W> mask, int lane) {
   return (lane_bits(mask) >> lane & 1U) != 0;

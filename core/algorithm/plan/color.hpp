@@ -5,8 +5,8 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// Rounds in which all lanes colour whatever may be coloured. What waits still after them hangs on a long chain of
-/// vertices that wait for one another, and one lane goes through it faster. The colours are the same either way.
+/// Rounds in which all lanes colour whatever may be coloured. Vertices still waiting after them hang on a long chain,
+/// and one lane goes through it faster. The colours are the same either way.
 inline constexpr Index kColorRounds = 64;
 
 /// The smallest colour that no neighbour of v has, in windows of 64: nothing bounds the number of colours.
@@ -27,7 +27,7 @@ STICTION_HD Index smallest_free_color(const ConflictGraph& graph, const Index* c
 
 /// Colours the vertices as color_graph() does: greedily, the largest degree first, the smaller index first among
 /// equals. A vertex can be coloured once all its neighbours that come before it are, whatever else is. (Jones and
-/// Plassmann 1993, with degrees for random numbers.) So every round colours many, and the outcome is the sequential
+/// Plassmann 1993, with degrees for random numbers.) Every round thus colours many, and the outcome is the sequential
 /// one. `next` and `order` have room for every vertex.
 template <Team TeamT>
 STICTION_HD_OUTLINE void color_vertices(TeamT& team, const ConflictGraph& graph, Index* color, Index* next,

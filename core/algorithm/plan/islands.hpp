@@ -7,7 +7,7 @@ namespace stiction::inline STICTION_ISA {
 /// Rounds in which labels spread and jump; what has not settled then is settled by one lane.
 inline constexpr Index kIslandRounds = 32;
 
-/// Where a chain of ever smaller labels ends.
+/// Returns the end of a chain of ever smaller labels.
 STICTION_HD Index root_of_label(const Index* label, Index v) {
   while (label[v] != v) v = label[v];
   return v;

@@ -5,7 +5,7 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// Where one environment's plan goes; shapes and meaning as in PlanData (core/plan/plan.hpp).
+/// Destination of one environment's plan; shapes and meaning as in PlanData (core/plan/plan.hpp).
 struct PlanTarget {
   EnvPath* path;          ///<                                                                  (1)
   ConeCounts* counts;     ///<                                                                  (1)

@@ -36,7 +36,7 @@ struct StructureView {
     return row_counts != nullptr ? row_counts[row] : static_cast<Index>(row_offsets[row + 1] - row_offsets[row]);
   }
   [[nodiscard]] STICTION_HD const Index* columns(Index row) const { return column + column_offsets[row]; }
-  /// Where the room of a row's entries begins, counted from the environment's first.
+  /// Returns the first entry of a row's room, counted from the environment's first.
   [[nodiscard]] STICTION_HD Index entry_begin(Index row) const {
     return static_cast<Index>(row_offsets[row] - row_offsets[0]);
   }
@@ -62,7 +62,7 @@ STICTION_HD StructureView structure_of(const BatchStructure& batch, Offset env) 
   return s;
 }
 
-/// Whether some cone is of that kind, on every lane.
+/// Returns true if some cone is of that kind, on every lane.
 template <Team TeamT>
 STICTION_HD bool has_kind(TeamT& team, const StructureView& s, ConeKind kind) {
   std::uint32_t found = 0;
@@ -81,8 +81,8 @@ STICTION_HD EnvPath path_of(TeamT& team, const StructureView& s) {
   return choose_path(s.rows, entries, has_kind(team, s, ConeKind::semidefinite));
 }
 
-/// Whether offsets[at], offsets[at + 1] bound a part of `total` things. They have to be in range and in order. The
-/// first and the last of all `count` parts begin and end where the things do.
+/// Returns true if offsets[at], offsets[at + 1] bound a part of `total` things. They have to be in range and in order.
+/// The first and the last of all `count` parts begin and end where the things do.
 STICTION_HD bool is_part(const Offset* offsets, Offset at, Offset count, Offset total) {
   const Offset begin = offsets[at], end = offsets[at + 1];
   return begin >= 0 && begin <= end && end <= total && (at != 0 || begin == 0) && (at + 1 != count || end == total);
@@ -97,7 +97,7 @@ STICTION_HD Index part_in_use(const Offset* offsets, const Index* counts, Offset
   return counts[env] <= room ? counts[env] : -1;
 }
 
-/// Whether the columns of a batch's row lie where there are columns.
+/// Returns true if the columns of a batch's row lie within the array of columns.
 STICTION_HD bool has_columns(const BatchStructure& batch, Offset row) {
   if (!is_part(batch.row_offsets, row, batch.row_count, batch.nonzero_count)) return false;
   const Offset room = batch.row_offsets[row + 1] - batch.row_offsets[row];
@@ -115,7 +115,7 @@ STICTION_HD Offset stored_entries(const BatchStructure& batch, Offset row, Index
   return entries;
 }
 
-/// Whether a factor has as many entries in every row of its environment, and takes the place of stored ones.
+/// Returns true if a factor has as many entries in every row of its environment, and takes the place of stored ones.
 STICTION_HD bool has_sound_factor(const BatchStructure& batch, Offset env, Index rows, Offset stored) {
   if (batch.factor_offsets == nullptr) return true;
   if (!is_part(batch.factor_offsets, env, batch.env_count, batch.factor_count)) return false;
@@ -123,7 +123,7 @@ STICTION_HD bool has_sound_factor(const BatchStructure& batch, Offset env, Index
   return entries == 0 || (rows > 0 && stored == 0 && entries % rows == 0 && entries / rows <= kMostOfOneEnv);
 }
 
-/// Whether the friction of a cone's rows lies where there is friction.
+/// Returns true if the friction of a cone's rows lies within the array of friction.
 STICTION_HD bool has_friction(const BatchStructure& batch, Offset cone) {
   if (batch.mu_offsets == nullptr || !carries_friction(batch.cone_kind[cone])) return true;
   for (Offset row = batch.cone_row_offsets[cone]; row < batch.cone_row_offsets[cone + 1]; ++row) {
@@ -133,11 +133,11 @@ STICTION_HD bool has_friction(const BatchStructure& batch, Offset cone) {
   return true;
 }
 
-/// Whether environment `env` can be planned and solved. Its offsets are in order and within the batch's totals, and
-/// what it uses is within its room. Its rows are tiled by cones of legal sizes, its columns inside. The totals and
-/// which arrays are null are believed, nothing in the arrays is. No entry is used as a position before it was compared
-/// with a total. All environments (one at least) are sound if and only if validate() finds no structural defect in the
-/// batch. The answer is on every lane.
+/// Returns true if environment `env` can be planned and solved. Its offsets are in order and within the batch's
+/// totals, and what it uses is within its room. Its rows are tiled by cones of legal sizes, its columns inside. The
+/// totals and which arrays are null are believed, nothing in the arrays is. No entry is used as a position before it
+/// was compared with a total. All environments (one at least) are sound if and only if validate() finds no structural
+/// defect in the batch. The answer is on every lane.
 template <Team TeamT>
 STICTION_HD_OUTLINE bool structure_is_sound(TeamT& team, const BatchStructure& batch, Offset env) {
   const Index rows = part_in_use(batch.env_row_offsets, batch.env_row_counts, env, batch.env_count, batch.row_count);
@@ -147,7 +147,7 @@ STICTION_HD_OUTLINE bool structure_is_sound(TeamT& team, const BatchStructure& b
   const Offset row = batch.env_row_offsets[env], row_end = batch.env_row_offsets[env + 1];
   const Offset cone = batch.env_cone_offsets[env], cone_end = batch.env_cone_offsets[env + 1];
   if (batch.cone_row_offsets[cone] != row || batch.cone_row_offsets[cone + cones] != row + rows) return false;
-  // What no cone or row of the environment begins or ends at, if it is the last or has none.
+  // Offsets that no cone or row of the environment begins or ends at, if it is the last or has none.
   if (cone_end == batch.cone_count && batch.cone_row_offsets[cone_end] != batch.row_count) return false;
   if (row == 0 && batch.row_offsets[0] != 0) return false;
   if (row_end == batch.row_count && batch.row_offsets[row_end] != batch.nonzero_count) return false;

@@ -3,8 +3,8 @@
 #include "core/base/real.hpp"
 
 /// Euclidean projections onto the cones, in coordinates in which every friction cone is the circular unit cone x_n >=
-/// norm(x_t) (docs/math/cones.md). That this is not the Euclidean projection in the original coordinates is
-/// deliberate. Both give valid complementarity functions, and this one has a closed form for any mu per axis.
+/// norm(x_t) (docs/math/cones.md). It is deliberately not the Euclidean projection in the original coordinates. Both
+/// give valid complementarity functions, and this one has a closed form for any mu per axis.
 namespace stiction::inline STICTION_ISA {
 
 template <class Real>
@@ -43,7 +43,7 @@ STICTION_HD void project_second_order_cone(Real (&z)[M], Real share = Real(0.5))
   const auto inside = length <= z[0];
   const Real pressed = (Real(1) - share) * z[0];
   const Real middle = fma_(share, length, pressed);
-  // Of lengths that overflow the sum is no number, the comparison is what it should be.
+  // If lengths overflow, the sum is no number, and the comparison is what it should be.
   const auto polar = or_(share * length <= Real(0) - pressed, middle <= Real(0));
   const Real outside_factor = select(polar, Real(0), div_(middle, length));
   const Real factor = select(inside, Real(1), outside_factor);

@@ -69,8 +69,8 @@ struct EnvView {
   [[nodiscard]] STICTION_HD Offset entry_span() const { return row_offsets[n] - row_offsets[0]; }
 };
 
-/// Whether a row stores the columns 0, 1, 2, ... in order, as a dense matrix written as CSR does. Then no column has to
-/// be looked up; what is computed stays the same.
+/// Returns true if a row stores the columns 0, 1, 2, ... in order, as a dense matrix written as CSR does. Then no
+/// column has to be looked up; what is computed stays the same.
 template <class Real>
 STICTION_HD bool is_run(const EnvView<Real>& env, Index row) {
   if (env.is_full) return true;
@@ -100,7 +100,7 @@ STICTION_HD Real upper_bound(const EnvView<Real>& env, Index row) {
   return upper_or_none(env.hi[row]);
 }
 
-/// Slices the problem alone. What comes from a plan or a solution is not set.
+/// Slices the problem alone. Arrays of a plan or a solution are not set.
 template <class Real>
 STICTION_HD EnvView<Real> slice_problem(const ContactBatchView<Real>& batch, Law law, Offset env) {
   const Offset row = batch.env_row_offsets[env];

@@ -5,7 +5,7 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// What the motion of row i begins with: b + R lambda, in double.
+/// Returns the start of row i's motion: b + R lambda, in double.
 template <class Real>
 STICTION_HD double row_start(const EnvView<Real>& env, Index row) {
   return fma_(static_cast<double>(env.R[row]), static_cast<double>(env.lambda[row]), static_cast<double>(env.b[row]));
@@ -93,8 +93,8 @@ STICTION_HD FactorRows<Real> residual_rows(TeamT& team, const EnvView<Real>& env
   return {&env, velocity};
 }
 
-/// Converts a double to a Real, or some. What lies beyond Real's range becomes its largest number, and so does what is
-/// no number (infinity less infinity), so that every output is finite.
+/// Converts a double to a Real, or some. Values beyond Real's range become its largest number, and so do NaNs
+/// (infinity less infinity), so that every output is finite.
 template <class Real, class Wide>
 STICTION_HD Wide within_range(Wide value) {
   constexpr bool kIsFloat = sizeof(Scalar<Real>) == sizeof(float);

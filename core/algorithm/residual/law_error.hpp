@@ -21,7 +21,7 @@ template <class Real>
 inline constexpr double kLeastPress = sizeof(Scalar<Real>) == sizeof(float) ? 0x1p-120 : 0x1p-1000;
 
 /// A larger ratio of a diagonal to the normal one counts as this, so that weights are numbers where the latter is tiny.
-/// Where mu squared is infinite they are not.
+/// With an infinite square of mu they are not.
 template <class Real>
 inline constexpr double kMostRatio = 1.0 / kLeastPress<Real>;
 
@@ -196,7 +196,7 @@ STICTION_HD Real law_error_square(Shape, const Real (&x)[M], const Real (&y)[M],
   return infinite_unless_finite(square, x, y);
 }
 
-/// That of a cone of semidefinite, whose law (P, P - (x - y)) obeys, P the projection of x - y. a: mean diagonal.
+/// Error of a semidefinite cone, whose law (P, P - (x - y)) obeys, P the projection of x - y. a: mean diagonal.
 template <class Real, int M>
 STICTION_HD Real semidefinite_error_square(const Real (&x)[M], const Real (&y)[M], Real a) {
   Real z[M];

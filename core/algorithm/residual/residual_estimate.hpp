@@ -6,7 +6,7 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// What a cone's changes count as in units of w: the mean diagonal of its block, 1 where that is not positive.
+/// Weight of a cone's changes in units of w: the mean diagonal of its block, 1 where that is not positive.
 template <class Real>
 STICTION_HD Real residual_weight(Real mean_diagonal) {
   return select(mean_diagonal > Real(0), mean_diagonal, Real(1));

@@ -58,7 +58,7 @@ struct BodyEnv {
   [[nodiscard]] STICTION_HD bool is_kinematic(Index body) const { return kinematic != nullptr && kinematic[body] != 0; }
 };
 
-/// Whether a side of a contact is pushed, and where its motion is kept.
+/// Returns true if a side of a contact is pushed, and its motion kept.
 STICTION_HD bool is_pushed(Index side) {
   return side >= 0;
 }

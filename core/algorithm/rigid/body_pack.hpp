@@ -9,7 +9,7 @@
 namespace stiction::inline STICTION_ISA {
 
 /// The systems of a pack. Besides what each system has, it keeps what one system computes whenever it is needed:
-/// tangents, and the twists without reactions. Of the batch's own numbers it keeps those that a check of all lanes
+/// tangents, and the twists without reactions. It keeps those of the batch's own numbers that a check of all lanes
 /// wants.
 template <class T, int W, Law kLawValue>
 struct BodyPack : BodySystem<Pack<T, W>, kLawValue> {
@@ -126,8 +126,8 @@ STICTION_HD void start_momentum_in(const BodyPack<T, W, kLaw>& s, PackMask<T, W>
     }
 }
 
-/// Sets to rest what an earlier environment has left in a lane. That is from `contacts` and from behind `bodies` and
-/// the world on, as far as there is room. These contacts and bodies stay at rest and are visited with those of other
+/// Sets to rest what an earlier environment has left in a lane. These are `contacts` and the numbers behind `bodies`
+/// and the world, as far as there is room. These contacts and bodies stay at rest and are visited with those of other
 /// lanes. Were only one of them no number, it would make others so.
 template <class T, int W, Law kLaw>
 STICTION_HD void rest_from(const BodyPack<T, W, kLaw>& pack, Index contacts, Index bodies, Index most_contacts,

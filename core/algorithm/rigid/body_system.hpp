@@ -8,8 +8,8 @@ namespace stiction::inline STICTION_ISA {
 /// Contacts whose numbers of one field lie side by side: a cache line of single precision, half a warp.
 inline constexpr Index kTileContacts = 16;
 
-/// Whether several systems share an array, number by number: each seen separately, with a stride, or all of them at
-/// once, as packs.
+/// Layout of an array that several systems share, number by number: each seen separately, with a stride, or all of
+/// them at once, as packs.
 template <class Real, int kStride>
 inline constexpr bool kInterleaved = kStride > 1 || RealTraits<Real>::kLanes > 1;
 
@@ -27,7 +27,7 @@ struct ContactTiles {
   static STICTION_HD constexpr Offset padded(Offset contacts) { return (contacts + kTile - 1) / kTile * kTile; }
 };
 
-/// Fields of a contact that a sweep reads. Those from kFieldBlock on depend on the law.
+/// Fields of a contact that a sweep reads. Fields from kFieldBlock on depend on the law.
 enum ContactField : Index {
   kFieldArmA = 0,    ///< x, y, z
   kFieldArmB = 3,    ///< x, y, z
@@ -63,8 +63,8 @@ STICTION_HD void put_twist(const Array& row, const Twist<T>& twist) {
   row[5] = twist.angular.z;
 }
 
-/// What a team works on: the contacts in visiting order, the bodies, and the world as a last body that stands still.
-/// x are impulses in coordinates in which the friction cone is the unit cone: x_t = lambda_t / mu.
+/// Working arrays of a team: the contacts in visiting order, the bodies, and the world as a last body that stands
+/// still. x are impulses in coordinates in which the friction cone is the unit cone: x_t = lambda_t / mu.
 ///
 /// With a stride above 1 that many systems interleave their numbers. Each belongs to one lane, which visits its
 /// contacts in order. Lanes in lock-step touch neighbouring addresses whichever bodies they are at.
@@ -99,7 +99,7 @@ struct BodySystem {
     return Tiles::padded(contacts) * (kContactFields<kLaw> + (momentum ? 10 : 7)) +
            (bodies + 1) * (kMassRow + kTwistRow * (momentum ? 3 : 2));
   }
-  /// Those of one contact that a sweep reads or writes.
+  /// Elements of one contact that a sweep reads or writes.
   static constexpr Offset swept_elements(bool momentum) { return kContactFields<kLaw> + (momentum ? 6 : 3); }
   /// Numbers of double it needs besides.
   static STICTION_HD constexpr Offset exact_elements(Offset bodies) { return 6 * (bodies + 1); }

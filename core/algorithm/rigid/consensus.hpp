@@ -9,7 +9,7 @@ namespace stiction::inline STICTION_ISA {
 
 /// Over-relaxation of copies before they meet (Boyd et al. 2011, section 3.4.3).
 inline constexpr double kConsensusRelaxation = 1.6;
-/// That of rounds that do not wait for one another: what they are given may be old, so they step less far.
+/// Relaxation of rounds that do not wait for one another: their input may be old, so they step less far.
 inline constexpr double kAsynchronousRelaxation = 1.0;
 /// Rounds between two decisions: the residual of the whole environment, and the penalty.
 inline constexpr Index kConsensusRounds = 4;
@@ -27,7 +27,7 @@ STICTION_HD void share_mass(double gain, Real own_mass, const Real* own_inertia,
   for (Index k = 0; k < 6; ++k) inertia[k] = saturated<Real>(gain * static_cast<double>(own_inertia[k]));
 }
 
-/// What forces and the pull to z - u change a copy's twist by: change + pull (z - u - free), pull = penalty / (1 +
+/// Change of a copy's twist by forces and the pull to z - u: change + pull (z - u - free), pull = penalty / (1 +
 /// penalty).
 template <class Real>
 STICTION_HD void pull_copy(const double* z, const double* u, const double* free, const double* change, double penalty,
@@ -37,7 +37,7 @@ STICTION_HD void pull_copy(const double* z, const double* u, const double* free,
     pulled[k] = canonical_zero(saturated<Real>(fma_(pull, z[k] - u[k] - free[k], change[k])));
 }
 
-/// What a copy brings to the mean: its relaxed twist and its dual.
+/// Adds a copy's share of the mean: its relaxed twist and its dual.
 template <class Real>
 STICTION_HD void ask_for(double relaxation, const Real* twist, const double* z, const double* u, double* asked) {
   for (Index k = 0; k < 6; ++k) asked[k] = fma_(relaxation, static_cast<double>(twist[k]) - z[k], z[k]) + u[k];
@@ -99,7 +99,7 @@ STICTION_HD ConsensusGap gap_of_one_round(const ConsensusGap& gap, double rounds
   return {gap.primal, div_(gap.dual, rounds * rounds)};
 }
 
-/// What the penalty is multiplied by, a power of two (He, Yang, Wang 2000; Boyd et al. 2011, section 3.4.1). Gaps are
+/// Returns the factor of the penalty, a power of two (He, Yang, Wang 2000; Boyd et al. 2011, section 3.4.1). Gaps are
 /// squares: a hundredfold one is a tenfold distance.
 STICTION_HD double penalty_factor(const ConsensusGap& gap, double penalty) {
   const double dual = penalty * penalty * gap.dual;
@@ -113,7 +113,7 @@ STICTION_HD void scale_dual(double factor, double* u) {
   for (Index k = 0; k < 6; ++k) u[k] = div_(u[k], factor);
 }
 
-/// What a copy asks for with duals of another penalty.
+/// Scales a copy's request to duals of another penalty.
 STICTION_HD void scale_asked(double factor, const double* z, const double* was, double* asked) {
   for (Index k = 0; k < 6; ++k) asked[k] = z[k] + div_(was[k] - z[k], factor);
 }
@@ -129,7 +129,7 @@ STICTION_HD void free_twist_of(const BodyEnv<Real>& env, Index body, double* cha
   }
 }
 
-/// What the environment's impulses change a body's twist by, M^-1 J' lambda in double.
+/// Computes a body's change of twist by the environment's impulses, M^-1 J' lambda in double.
 template <class Real>
 STICTION_HD void pushed_change(const BodyEnv<Real>& env, Index body, const Real* impulse, double* change) {
   const Twist<double> none{{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}};

@@ -13,7 +13,7 @@ struct Twist {
   Vector3<T> linear, angular;
 };
 
-/// What a body answers an impulse with.
+/// Response of a body to an impulse.
 template <class T>
 struct InverseMass {
   T mass;

@@ -4,7 +4,7 @@
 #include "core/algorithm/residual/final_residual.hpp"
 #include "core/algorithm/rigid/load_bodies.hpp"
 
-/// What is returned and how good it is, in double and matrix-free, from the batch's own numbers.
+/// Answer and its error, in double and matrix-free, from the batch's own numbers.
 namespace stiction::inline STICTION_ISA {
 
 /// The impulse that is returned for row k of a contact if `x` is the best iterate: the very bits.
@@ -92,7 +92,7 @@ STICTION_HD_OUTLINE FinalResidual residual_of(TeamT& team, const BodyEnv<Real>& 
   return final_residual_of(team, evaluated, scale);
 }
 
-/// What an answer is held against.
+/// Returns the allowance of an answer.
 STICTION_HD Allowance allowance(const SiParams& params) {
   return {params.tolerance, params.absolute_tolerance};
 }

@@ -3,8 +3,8 @@
 #include "core/algorithm/pack/pack_workspace.hpp"
 #include "core/algorithm/rigid/body_pack.hpp"
 
-/// Environments that enter lanes of a body pack together, and those that may have their answers together. What
-/// load_bodies(), begin_substep() and residual_of() do for one is done for all at once, by the same functions. Host
+/// Environments that enter lanes of a body pack together, and those that may have their answers together. It does
+/// for all at once what load_bodies(), begin_substep() and residual_of() do for one, by the same functions. Host
 /// only.
 namespace stiction::inline STICTION_ISA {
 
@@ -86,9 +86,9 @@ struct WideLanes {
   }
 };
 
-/// What load_bodies() computes of contacts whose numbers are in the lanes, and the tangents. `kept`: contacts of each
-/// lane; `warm`: those that enter with a warm start. It is done for those that are there already, and gives the same
-/// numbers. Returns in which lanes a contact cannot be solved.
+/// Loads contacts whose numbers are in the lanes, and the tangents. `kept`: contacts of each lane; `warm`: those that
+/// enter with a warm start. It is done for those that are there already, and gives the same numbers. Returns in which
+/// lanes a contact cannot be solved.
 template <class T, int W, Law kLaw>
 PackMask<T, W> load_contacts(const PackEnv<T, W>& env, const BodyPack<T, W, kLaw>& s, const SiParams& params,
                              Pack<T, W> kept, PackMask<T, W> warm) {
@@ -215,7 +215,7 @@ struct LaneJudge {
   }
 
   /// gather_exact(): contacts in order instead of bodies one by one, which gives each body's sum the same terms in the
-  /// same order. What is added where nothing is pushed is not read. The workspace has free twists.
+  /// same order. Terms are not read where nothing is pushed. The workspace has free twists.
   void gather() const {
     const Vector3<Wide> zero{Wide(0.0), Wide(0.0), Wide(0.0)};
     for (Index body = 0; body <= asked.bodies; ++body) lanes.set_twist(workspace.sums, Lanes::slot(body), {zero, zero});

@@ -8,8 +8,8 @@
 /// From the batch's arrays to a system that can be swept.
 namespace stiction::inline STICTION_ISA {
 
-/// Whether all numbers that were added are finite. Zero times anything else is no number, and stays that way; there is
-/// no branch on any of them.
+/// Returns true if all numbers that were added are finite. Zero times anything else is no number, and stays that way;
+/// there is no branch on any of them.
 template <class Real>
 class FiniteProbe {
  public:
@@ -57,7 +57,7 @@ STICTION_HD_OUTLINE std::uint32_t inspect_bodies(TeamT& team, const BodyEnv<Real
   return team.combine(flags);
 }
 
-/// Whether a body environment with those flags can be solved.
+/// Returns true if a body environment with those flags can be solved.
 STICTION_HD bool can_sweep(std::uint32_t flags) {
   return (flags & ~static_cast<std::uint32_t>(kFlagWarmStartRejected | kFlagContactsDropped)) == 0;
 }
@@ -145,7 +145,7 @@ STICTION_HD Mask<Real> load_block(const BodySystem<Real, kLaw, kStride>& s, Inde
   return and_(or_(normal > Real(0), held), and_(block.t11 + r >= Real(0), block.t22 + r >= Real(0)));
 }
 
-/// Whether a loaded contact is held.
+/// Returns true if a loaded contact is held.
 template <class System>
 STICTION_HD auto is_held(const System& s, Index p) {
   return s.field.at(kFieldPress, p) == typename System::Real(0);
@@ -187,7 +187,7 @@ STICTION_HD void take_contact(const BodyEnv<Real>& env, const BodySystem<Real, k
   s.depth.at(0, p) = env.depth[c];
 }
 
-/// What is computed of them and of the bodies' masses. Whether the contact can be solved.
+/// Computes what follows from them and the bodies' masses. Returns true if the contact can be solved.
 template <class System, class Slot>
 STICTION_HD auto load_contact(const System& s, Index p, const ContactFrame<typename System::Real>& frame,
                               const Slot& slot_a, const Slot& slot_b) {
@@ -198,7 +198,7 @@ STICTION_HD auto load_contact(const System& s, Index p, const ContactFrame<typen
   return load_block(s, p, block);
 }
 
-/// Whether an environment with those flags has a warm start that is taken.
+/// Returns true if an environment with those flags has a warm start that is taken.
 template <class Real>
 STICTION_HD bool is_warm(const BodyEnv<Real>& env, std::uint32_t flags) {
   return env.warm_start != nullptr && (flags & kFlagWarmStartRejected) == 0;
@@ -232,7 +232,7 @@ STICTION_HD T error_at_rest(const T (&b)[3], T mu, const ConeMetric<T, 3>& metri
   return max_(div_(sqrt_(square), unit), T(static_cast<double>(kIdleShare)) * largest);
 }
 
-/// Whether forces move a body at all: one that is locked couples nothing.
+/// Returns true if forces move a body at all: one that is locked couples nothing.
 template <class Real, Law kLaw, int kStride>
 STICTION_HD bool is_movable(const BodySystem<Real, kLaw, kStride>& s, Index side) {
   if (!is_pushed(side)) return false;
@@ -243,7 +243,7 @@ STICTION_HD bool is_movable(const BodySystem<Real, kLaw, kStride>& s, Index side
 }
 
 /// Spreads the error scales that contacts have over those of their islands, by one lane. reach: six numbers a body, of
-/// which the first is the largest scale that is known to reach it. Whether any of them grew.
+/// which the first is the largest scale that is known to reach it. Returns true if any of them grew.
 template <class Real, Law kLaw, int kStride>
 STICTION_HD_OUTLINE bool spread_scales(const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
                                        const Strided<double, kStride>& reach) {

@@ -19,7 +19,7 @@ STICTION_HD PackMask<T, W> is_pushed(const LaneSides<T, W>& sides) {
   return {sides.side >= 0};
 }
 
-/// Where the bodies of a side keep their numbers.
+/// Slots of the bodies of a side.
 template <class T, int W>
 struct LaneSlots {
   PackIndices<T, W> slot;
@@ -47,7 +47,7 @@ STICTION_HD Index slot_of(const UniformSide<T, W>& side) {
   return side.slot;
 }
 
-/// What a pack keeps of the plan: sides by position, lane by lane. A lane that has no contact at a position has a side
+/// Plan data that a pack keeps: sides by position, lane by lane. A lane that has no contact at a position has a side
 /// there that nothing pushes, the same as another lane's.
 template <class T, int W>
 struct PackSides {

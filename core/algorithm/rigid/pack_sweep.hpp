@@ -26,7 +26,7 @@ struct UniformVisit : PackGeometry<T, W, kLaw> {
   [[nodiscard]] STICTION_HD Twist<Real> twist_a() const { return this->s.twist(this->s.motion, a.slot); }
   [[nodiscard]] STICTION_HD Twist<Real> twist_b() const { return this->s.twist(this->s.motion, b.slot); }
 };
-/// Where lanes have different bodies their twists are gathered, once.
+/// Twists are gathered once if lanes have different bodies.
 template <class T, int W, Law kLaw>
 struct LaneVisit : PackGeometry<T, W, kLaw> {
   using Real = Pack<T, W>;

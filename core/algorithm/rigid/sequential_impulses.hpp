@@ -11,7 +11,7 @@ namespace stiction::inline STICTION_ISA {
 /// Sweeps between two checks of the residual; twists are recomputed as often. Part of the numerics epoch.
 inline constexpr Index kSiChunk = 16;
 
-/// What momentum remembers between sweeps. Lanes of a team hold equal copies.
+/// State of momentum between sweeps. Lanes of a team hold equal copies.
 template <class Real>
 struct SiMomentum {
   Real theta = Real(1);
@@ -75,7 +75,7 @@ STICTION_HD void run_sweeps(TeamT& team, const Env& env, const System& s, const 
   }
 }
 
-/// Where a solve stands between two chunks of sweeps. Lanes of a team hold equal copies.
+/// State of a solve between two chunks of sweeps. Lanes of a team hold equal copies.
 template <class Real>
 struct SiProgress {
   SiMomentum<Real> momentum;
@@ -158,7 +158,7 @@ STICTION_HD_OUTLINE ErrorScale fall_back(TeamT& team, const BodyEnv<Real>& env,
   return begin_substep(team, env, s, params);
 }
 
-/// What polling the iterate of the last sub-step tells.
+/// Result of polling the iterate of the last sub-step.
 struct SiPoll {
   bool broken, ended;
   bool is_asked;  ///< the best iterate may be the answer: its residual is to be computed in double
@@ -182,7 +182,7 @@ STICTION_HD SiPoll poll_last_substep(TeamT& team, const BodySystem<Real, kLaw, k
 }
 
 /// Publishes the answer once its verdict is final, or sweeps have run out. The verdict is computed in double from the
-/// bits that are returned. Whether it was.
+/// bits that are returned. Returns true if it was.
 template <Team TeamT, class Real, Law kLaw, int kStride>
 STICTION_HD bool finalize_bodies(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
                                  SiParams params, SiPoll poll, Verdict verdict, SiProgress<Real>& progress) {
@@ -209,7 +209,7 @@ STICTION_HD bool check_last_substep(TeamT& team, const BodyEnv<Real>& env, const
   return finalize_bodies(team, env, s, params, poll, evaluate_bodies(team, env, s, params, progress.scale), progress);
 }
 
-/// Adds to what is known of an environment. Whether it can be solved; if not, it is answered.
+/// Adds to what is known of an environment. Returns true if it can be solved; if not, it is answered.
 template <Team TeamT, class Real>
 STICTION_HD bool is_sound(TeamT& team, const BodyEnv<Real>& env, const SiParams& params, std::uint32_t flags,
                           SiProgress<Real>& progress) {
@@ -219,7 +219,7 @@ STICTION_HD bool is_sound(TeamT& team, const BodyEnv<Real>& env, const SiParams&
   return false;
 }
 
-/// Looks at an environment's numbers. Whether they can be used; if not, it is answered.
+/// Looks at an environment's numbers. Returns true if they can be used; if not, it is answered.
 template <Team TeamT, class Real>
 STICTION_HD bool admit_bodies(TeamT& team, const BodyEnv<Real>& env, const SiParams& params,
                               SiProgress<Real>& progress) {
@@ -228,7 +228,7 @@ STICTION_HD bool admit_bodies(TeamT& team, const BodyEnv<Real>& env, const SiPar
   return is_sound(team, env, params, inspect_bodies(team, env), progress);
 }
 
-/// Up to the first sweep. Whether there is anything to solve; if not, the environment is answered.
+/// Up to the first sweep. Returns true if there is anything to solve; if not, the environment is answered.
 template <Team TeamT, class Real, Law kLaw, int kStride>
 STICTION_HD bool start_bodies(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
                               const SiParams& params, SiProgress<Real>& progress) {
@@ -239,7 +239,7 @@ STICTION_HD bool start_bodies(TeamT& team, const BodyEnv<Real>& env, const BodyS
   return true;
 }
 
-/// Goes on to the next sub-step after a fixed number of sweeps. Whether it is the last.
+/// Goes on to the next sub-step after a fixed number of sweeps. Returns true if it is the last.
 template <Team TeamT, class Real, Law kLaw, int kStride>
 STICTION_HD bool reach_last_substep(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
                                     const SiParams& params, SiProgress<Real>& progress) {
@@ -252,7 +252,7 @@ STICTION_HD bool reach_last_substep(TeamT& team, const BodyEnv<Real>& env, const
   return true;
 }
 
-/// Between two chunks. Whether the environment is answered.
+/// Between two chunks. Returns true if the environment is answered.
 template <Team TeamT, class Real, Law kLaw, int kStride>
 STICTION_HD bool check_bodies(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
                               const SiParams& params, SiProgress<Real>& progress) {

@@ -261,7 +261,7 @@ STICTION_HD_OUTLINE void refresh_bodies(TeamT& team, const BodyEnv<Real>& env, c
   });
 }
 
-/// What a contact's error is measured by, from its weights of reactions.
+/// Unit of a contact's error, from its weights of reactions.
 template <class T>
 STICTION_HD ConeMetric<T, 3> contact_metric(T a, T press_1, T press_2) {
   const auto inverse = [](T press) {

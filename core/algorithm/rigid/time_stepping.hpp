@@ -23,7 +23,7 @@ STICTION_HD Twist<double> start_twist(const BodySystem<Real, kLaw, kStride>& s, 
   return twist_at<double>(s.twist_row(s.start, slot));
 }
 
-/// What forces change a body's twist by in one sub-step.
+/// Computes the change of a body's twist by forces in one sub-step.
 template <class Real>
 STICTION_HD Twist<double> change_of(const BodyEnv<Real>& env, const SiParams& params, Index body) {
   if (body >= env.bodies || env.twist_change == nullptr || env.is_kinematic(body))
@@ -43,7 +43,7 @@ STICTION_HD Twist<double> free_twist(const BodyEnv<Real>& env, const BodySystem<
   return {add_scaled(start.linear, 1.0, change.linear), add_scaled(start.angular, 1.0, change.angular)};
 }
 
-/// Where a contact is, in double, from the batch's own numbers.
+/// Position of a contact, in double, from the batch's own numbers.
 template <class T>
 struct ExactGeometry {
   Vector3<T> arm_a, arm_b;

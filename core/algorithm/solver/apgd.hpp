@@ -8,8 +8,8 @@ namespace stiction::inline STICTION_ISA {
 
 /// Accelerated projected gradient with a block preconditioner, backtracking and adaptive restart. (docs/math/apgd.md;
 /// Mazhar et al. 2015, with the metric D of the cones' blocks in place of the identity.) The gradient is a
-/// quadratic's, so the descent condition is d'Ad <= L d'Dd for the step d. y at the new point is y + A d. That is one
-/// product an iteration, one more for every backtrack. Under the Coulomb law de Saxce's term joins the gradient and
+/// quadratic's, so the descent condition is d'Ad <= L d'Dd for the step d. y at the new point is y + A d. An iteration
+/// costs one product, and one more for every backtrack. Under the Coulomb law de Saxce's term joins the gradient and
 /// the method is a fixed-point iteration instead of a descent.
 struct Apgd {
   static constexpr SolverKind kKind = SolverKind::apgd;
@@ -24,7 +24,7 @@ struct Apgd {
   static constexpr float kDecay = 0.97F;
   static constexpr float kSmallestLipschitz = 1.0F / 16;
 
-  /// What is remembered between iterations.
+  /// State between iterations.
   enum State : Index {
     kTheta = kMethodScalars,  ///< Nesterov's
     kLipschitz,               ///< current estimate of the preconditioned operator's norm

@@ -19,7 +19,7 @@ struct Npgs {
   template <class System>
   static constexpr bool kKeepsMotion = System::kMaintainsMotion;
 
-  /// What is remembered between sweeps.
+  /// State between sweeps.
   enum State : Index {
     kTheta = kMethodScalars,  ///< Nesterov's theta of the next sweep
     kBeta,                    ///< what the last change is extrapolated by

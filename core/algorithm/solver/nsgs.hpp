@@ -5,7 +5,7 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// Of friction cones, for step_with_friction().
+/// Exact step of friction cones, for step_with_friction().
 struct ExactConeStep {
   template <int M, class System>
   static STICTION_HD auto of(const System& s, Index cone, Index row, const typename System::Real (&y)[M],

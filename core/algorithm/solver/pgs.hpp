@@ -11,11 +11,11 @@ struct Pgs {
   static constexpr SolverKind kKind = SolverKind::pgs;
   static STICTION_HD constexpr Workspace workspace() { return {}; }
   static STICTION_HD constexpr bool needs_symmetry(Law) { return false; }
-  /// Whether it iterates on a SystemPair as well.
+  /// True if it iterates on a SystemPair as well.
   static constexpr bool kTakesPairs = true;
-  /// Whether it can treat cones of box_friction.
+  /// True if it can treat cones of box_friction.
   static constexpr bool kTakesBoxFriction = true;
-  /// Whether y is the motion of x after every iteration; if not, what needs it computes it.
+  /// True if y is the motion of x after every iteration; if not, callers that need it compute it.
   template <class System>
   static constexpr bool kKeepsMotion = System::kMaintainsMotion;
 

@@ -8,8 +8,8 @@ namespace stiction::inline STICTION_ISA {
 
 /// Sweeps with momentum and, between them, a step to where the problem would be solved if every cone kept its contact
 /// state. Held contacts hold, sliding ones slide, open ones stay open. (docs/math/subspace.md; Silcowitz, Niebe,
-/// Erleben 2010.) That is a linear system, and one factorisation. Sweeps find the states, the step does away with the
-/// slow part of their convergence. It is taken only where the residual falls.
+/// Erleben 2010.) The step is a linear system, and one factorisation. Sweeps find the states, the step does away with
+/// the slow part of their convergence. It is taken only where the residual falls.
 struct Subspace {
   static constexpr SolverKind kKind = SolverKind::subspace;
   static STICTION_HD constexpr Workspace workspace() { return {.vectors = kVectors, .real_matrices = 1}; }
@@ -46,8 +46,8 @@ struct Subspace {
     Npgs::refresh(team, s, due);
   }
 
-  /// After a chunk whose last iterate has been recorded in the lanes of `due`. Whether that is good enough already
-  /// makes no difference: what k iterations lead to must not depend on the limit of iterations.
+  /// After a chunk whose last iterate has been recorded in the lanes of `due`. A good enough result makes no
+  /// difference: what k iterations lead to must not depend on the limit of iterations.
   template <Law kLaw, Team TeamT, class Real, int kStride>
   static STICTION_HD_OUTLINE void subspace_step(TeamT& team, DenseSystem<Real, kStride>& s, Mask<Real> due) {
     const Real last = s.scalar[kLastResidual];
@@ -64,7 +64,7 @@ struct Subspace {
         kept_x[i] = s.x[i];
         kept_y[i] = s.y[i];
       });
-      // What slides by Coulomb's law has an asymmetric matrix.
+      // Cones that slide by Coulomb's law have an asymmetric matrix.
       const Real sliding = find_zones(team, s);
       if (law_of<kLaw>(s) == Law::coulomb) steps = and_(steps, sliding == Real(0));
       taken = any(steps) ? take_subspace_step<kLaw>(team, s, steps, last) : Real(0);
@@ -94,7 +94,7 @@ struct Subspace {
   /// Largest environment that takes such steps. A factorisation costs what rows / 6 sweeps do, if not more
   /// (docs/math/subspace.md).
   static constexpr Index kMostRows = 40;
-  /// What is remembered besides what npgs does.
+  /// State besides that of npgs.
   enum State : Index {
     kOwnRows = static_cast<Index>(Npgs::kStateEnd),  ///< rows of the environment, without a pack's padding
     kWait,                                           ///< chunks from step to step: doubled by each that was not taken
@@ -102,7 +102,7 @@ struct Subspace {
     kStateEnd
   };
   static_assert(kStateEnd <= static_cast<Index>(kStateScalars));
-  /// Of a pivot, relative to the matrix's own diagonal.
+  /// Least pivot, relative to the matrix's own diagonal.
   static constexpr float kLeastPivot = 0x1p-20F;
 
   enum Vector : Index {

@@ -6,7 +6,7 @@
 /// Coulomb's law of one contact solved exactly, its neighbours held fast (docs/math/nsgs.md).
 namespace stiction::inline STICTION_ISA {
 
-/// What an eigenvalue of the tangential block may be at least, relative to the largest: rounding of the block itself.
+/// Least eigenvalue of the tangential block, relative to the largest: rounding of the block itself.
 template <class Scalar>
 inline constexpr Scalar kSmallestEigenvalue = sizeof(Scalar) == 4 ? Scalar(0x1p-20) : Scalar(0x1p-44);
 

@@ -71,12 +71,12 @@ STICTION_HD auto convex_step(const System& s, Index cone, Index row, const typen
   return step;
 }
 
-/// Whether a form of system can have cones of boxed friction. Bodies and windows of registers have none.
+/// True if a form of system can have cones of boxed friction. Bodies and windows of registers have none.
 template <class System>
 inline constexpr bool kMayHaveBoxFriction =
     requires(const System& s) { s.counts.box_friction; } || requires(const System& s) { s.env->counts.box_friction; };
 
-/// Whether a system has some, or in some lane of a pack.
+/// Returns true if a system has some, or in some lane of a pack.
 template <class System>
 STICTION_HD bool has_box_friction(const System& s) {
   if constexpr (requires { s.counts.box_friction; }) {
@@ -88,7 +88,7 @@ STICTION_HD bool has_box_friction(const System& s) {
   }
 }
 
-/// What a visit of boxed friction reads of its cone.
+/// Data of its cone that a visit of boxed friction reads.
 template <class Real, int M>
 struct BoxedCone {
   Real x[M];
@@ -122,7 +122,7 @@ STICTION_HD_SHARED ConeStep<Real, M> box_friction_step(BoxedCone<Real, M> cone) 
   return step;
 }
 
-/// What box_friction_step() is given of a cone of a system.
+/// Arguments of box_friction_step() for a cone of a system.
 template <int M, class System>
 STICTION_HD auto boxed_cone(const System& s, Index cone, Index row, const typename System::Real (&y)[M],
                             typename System::Real omega) {
@@ -260,7 +260,7 @@ STICTION_HD auto local_step(Shape, const System& s, Index cone, Index row,
 }
 
 /// A proximal step of any cone with one step length: P(x - gain * y), de Saxce's term added to y under the Coulomb law.
-/// What the methods take that move all cones at once.
+/// Methods that move all cones at once call it.
 template <class Shape, class Real, int M>
 STICTION_HD void proximal_point(Shape, Real (&z)[M], const Real (&y)[M], Real gain, Real lo, Real hi, Law law) {
   Real motion = y[0];

@@ -4,7 +4,7 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// What an iteration with Nesterov's theta does, and goes on with (docs/math/npgs.md, 1).
+/// State of an iteration with Nesterov's theta (docs/math/npgs.md, 1).
 template <class Real>
 struct NesterovStep {
   Real next;  ///< theta of the iteration after it

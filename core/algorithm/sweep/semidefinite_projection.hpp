@@ -4,10 +4,10 @@
 #include "core/algorithm/sweep/symmetric_eigen.hpp"
 
 /// Projections onto the positive semidefinite matrices of order 2 and 3 (docs/math/semidefinite.md). A matrix is its
-/// upper triangle, column by column, off-diagonals times sqrt(2). So the inner product of rows is that of matrices.
+/// upper triangle, column by column, off-diagonals times sqrt(2). The inner product of rows is thus that of matrices.
 namespace stiction::inline STICTION_ISA {
 
-/// What a matrix whose largest entry is that is multiplied by before squares are taken: a power of two.
+/// Factor of a matrix with that largest entry before squares are taken: a power of two.
 template <class Real>
 STICTION_HD Real matrix_unit(Real largest) {
   constexpr bool kIsFloat = sizeof(Real) == sizeof(float);
@@ -19,7 +19,7 @@ STICTION_HD Real matrix_unit(Real largest) {
 }
 
 /// Order 2: (a_11, sqrt(2) a_12, a_22) of numbers near 1. The eigenvalues are mean +- radius. The one that is left is a
-/// quotient where that sum cancels. So is radius less gap, which is what the smaller diagonal entry is a share of.
+/// quotient where that sum cancels. Radius less gap is, too, of which the smaller diagonal entry is a share.
 template <class Real>
 STICTION_HD void project_unit_matrix(Real (&z)[3]) {
   const Real mean = Real(0.5) * z[0] + Real(0.5) * z[2];
@@ -93,19 +93,19 @@ STICTION_HD_SHARED void project_semidefinite(Real (&z)[M]) {
   for (int k = 0; k < M; ++k) z[k] = inverse * unit[k];
 }
 
-/// Whether a method can treat cones of semidefinite: one that projects.
+/// True if a method can treat semidefinite cones: one that projects.
 template <class Method>
 inline constexpr bool kTakesSemidefinite = requires { requires Method::kProjectsMatrices; };
 
-/// Whether a form of system can have such cones: those in the batch's order, which is where choose_path() sends them.
+/// True if a form of system can have such cones: those in the batch's order, which is where choose_path() sends them.
 template <class System>
 inline constexpr bool kMayHaveSemidefinite = requires(const System& s) { s.env->kind; };
 
-/// Whether cones of a shape can be matrices.
+/// True if cones of a shape can be matrices.
 template <class Shape>
 inline constexpr bool kMayBeMatrix = Shape::kKind == ConeKind::friction && (Shape::kRows == 3 || Shape::kRows == 6);
 
-/// Whether a cone of a system is semidefinite.
+/// Returns true if a cone of a system is semidefinite.
 template <class Shape, class System>
 STICTION_HD bool is_semidefinite(Shape, const System& s, Index cone) {
   if constexpr (kMayBeMatrix<Shape> && kMayHaveSemidefinite<System>) {
@@ -115,7 +115,7 @@ STICTION_HD bool is_semidefinite(Shape, const System& s, Index cone) {
   }
 }
 
-/// proximal_point() of a cone of a system, semidefinite ones among them. Those have no law of friction.
+/// proximal_point() of a cone of a system, semidefinite ones among them. Semidefinite cones have no law of friction.
 template <Law kLaw, class Shape, class System, class Real, int M>
 STICTION_HD void cone_proximal_point(Shape shape, const System& s, Index cone, Real (&z)[M], const Real (&y)[M],
                                      Real gain, Real lo, Real hi) {

@@ -24,7 +24,7 @@ STICTION_HD Real step_size(const ConeStep<Real, M>& step, Real weight) {
   return largest_of(step) * weight;
 }
 
-/// What a sweep does at a cone unless it is told otherwise: the step of docs/math/local_solve.md.
+/// Step of a sweep at a cone unless it is told otherwise: that of docs/math/local_solve.md.
 struct DefaultLocalStep {
   template <Law kLaw, class Shape, class System>
   static STICTION_HD auto of(Shape shape, const System& s, Index cone, Index row,

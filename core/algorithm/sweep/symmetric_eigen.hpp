@@ -24,7 +24,7 @@ STICTION_HD void symmetric_eigen(Real (&S)[N][N], Real (&V)[N][N], Real (&e)[N])
         const Real gap = S[q][q] - S[p][p];
         const Real reach = abs_(gap) + sqrt_(fma_(gap, gap, off * off));
         Real ratio = select(reach > Real(0), div_(off, reach), Real(0));
-        // Of such numbers `reach` may be next to nothing. To turn by 45 degrees then errs by no more than `off`.
+        // With such numbers `reach` may be next to nothing. To turn by 45 degrees then errs by no more than `off`.
         if constexpr (kGraded) ratio = clamp_(ratio, Real(-1), Real(1));
         const Real t = select(gap < Real(0), Real(0) - ratio, ratio);
         const Real c = div_(Real(1), sqrt_(fma_(t, t, Real(1))));

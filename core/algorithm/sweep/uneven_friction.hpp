@@ -12,7 +12,7 @@ inline constexpr float kUneven = 4.0F;
 /// Steps to a root at most. Each lane stops by itself, as soon as a step no longer moves it.
 inline constexpr int kSecularSteps = 48;
 
-/// What a visit of an uneven cone reads of it.
+/// Data of an uneven cone that a visit reads.
 template <class Real, int M>
 struct UnevenCone {
   Real x[M];

@@ -8,8 +8,8 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// What systems that keep rows and cones in the batch's order share. Motion is pulled: a cone gathers its rows of
-/// (A + diag R) x + b when it is visited.
+/// Base of systems that keep rows and cones in the batch's order. Motion is pulled: a cone gathers its rows of (A +
+/// diag R) x + b when it is visited.
 template <class RealType>
 struct FileOrderSystem : SystemArrays<RealType, 1> {
   using Real = RealType;

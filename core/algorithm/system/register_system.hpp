@@ -14,12 +14,12 @@ struct Numbers {
 };
 
 /// A view of a dense system of up to kCones friction cones of three rows, nothing else, whose A equals its transpose
-/// to the bit. It lasts as long as a few sweeps take. x, y and half of A are members. What a sweep reads once per cone
-/// stays where it lies.
+/// to the bit. It lasts as long as a few sweeps take. x, y and half of A are members. Data that a sweep reads once per
+/// cone stays where it lies.
 ///
-/// Every loop has constant bounds and tests by constant indices whether a cone exists. So no index is left to be known
-/// at run time: a GPU has no address for a register. Rows beyond the environment's own hold zeros. No sweep visits
-/// their cones and nothing of theirs is stored, so whatever is pushed into their y reaches no row that exists.
+/// Every loop has constant bounds and tests by constant indices whether a cone exists. No index is hence left to be
+/// known at run time: a GPU has no address for a register. Rows beyond the environment's own hold zeros. No sweep
+/// visits their cones and nothing of theirs is stored, so whatever is pushed into their y reaches no row that exists.
 template <class RealType, int kCones, int kStride>
 struct RegisterSystem {
   using Real = RealType;

@@ -50,8 +50,8 @@ struct SystemArrays {
   Strided<Real, kStride> inv_cone;         ///< 1 / bound on the largest eigenvalue of the block  (cones)
   Strided<Real, kStride> damping;          ///< what coupling leaves of the steps inv_n and inv_t: BlockMetric  (cones)
   Strided<Real, kStride> share;            ///< of the tangential rows in that metric             (cones)
-  Strided<Real, kStride> lo, hi;  ///< bounds of box cones, by cone. Of boxed friction -1 and 1: those of a further row
-                                  ///< for each unit of the normal one. Of friction cones 0  (cones)
+  Strided<Real, kStride> lo, hi;  ///< bounds of box cones, by cone. With boxed friction -1 and 1: bounds of a further
+                                  ///< row for each unit of the normal one. Friction cones have 0 (cones)
   Strided<Real, kStride> scalar;  ///< StateScalar                                       (kStateScalars)
   double* wide = nullptr;         ///< the method's doubles: vectors, then matrices      (Workspace::doubles)
   bool has_matrices = false;      ///< whether matrices are among them, or what a method has instead

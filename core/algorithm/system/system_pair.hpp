@@ -21,7 +21,7 @@ struct NumberPair {
   Real b;
 };
 
-/// What a method iterates on: a system as it is, or two as a pair.
+/// System that a method iterates on: a system as it is, or two as a pair.
 template <class System>
 STICTION_HD System& as_pair(System& s) {
   return s;

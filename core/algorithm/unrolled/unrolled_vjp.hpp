@@ -6,7 +6,7 @@
 /// (docs/math/derivative.md, (28) to (31)).
 namespace stiction::inline STICTION_ISA {
 
-/// What one visit's step says of the cone, by one lane. `x` holds the iterate after it, and then that before it.
+/// Derivatives of one visit's step by its cone, by one lane. `x` holds the iterate after it, and then that before it.
 template <Law kLaw, class Real, class Shape>
 STICTION_HD void cone_vjp(Shape shape, const EnvView<Real>& env, double omega, const SweepTape& s, Index sweep,
                           Index cone, Index first) {
@@ -59,7 +59,7 @@ STICTION_HD void visit_vjp(TeamT& team, const EnvView<Real>& env, double omega, 
   team.sync();
 }
 
-/// What step lengths say of A, and the guess's way into its cone, in reverse.
+/// Differentiates step lengths by A, and the guess's way into its cone, in reverse.
 template <Team TeamT, class Real>
 STICTION_HD_OUTLINE void start_vjp(TeamT& team, const EnvView<Real>& env, const SweepTape& s) {
   for_each_shape(team, env, [&](auto shape, Index cone, Index first) {
@@ -97,7 +97,7 @@ STICTION_HD_OUTLINE void start_vjp(TeamT& team, const EnvView<Real>& env, const 
   });
 }
 
-/// What the loss says of the reactions that are returned, through w as well, to `seed`.
+/// Derivative of the loss by the returned reactions, through w as well, to `seed`.
 template <Team TeamT, class Real>
 STICTION_HD void seed_sweeps(TeamT& team, const EnvView<Real>& env, const UnrolledJob<Real>& job, const SweepTape& s,
                              Offset set) {
@@ -110,7 +110,7 @@ STICTION_HD void seed_sweeps(TeamT& team, const EnvView<Real>& env, const Unroll
   }
 }
 
-/// All of the sweeps up to `chosen` in reverse, of one set of cotangents. Whether everything is finite, on every lane.
+/// All of the sweeps up to `chosen` in reverse, of one set of cotangents. True if everything is finite, on every lane.
 template <Law kLaw, Team TeamT, class Real>
 STICTION_HD_OUTLINE bool sweeps_vjp(TeamT& team, const EnvView<Real>& env, const UnrolledJob<Real>& job,
                                     const SweepTape& s, Index chosen, Offset set) {
@@ -136,7 +136,7 @@ STICTION_HD_OUTLINE bool sweeps_vjp(TeamT& team, const EnvView<Real>& env, const
   return team.combine(broken) == 0;
 }
 
-/// What the loss says of the friction of position p: by S in A, in b, in lambda = S x and in the guess.
+/// Derivative of the loss by the friction of position p: through S in A, in b, in lambda = S x and in the guess.
 STICTION_HD double by_scale(const SweepTape& s, Index p) {
   const double scale = s.scale[p];
   if (!(scale > 0.0)) return 0.0;

@@ -2,10 +2,10 @@
 
 #include "core/algorithm/velocity/iterate/velocity_newton.hpp"
 
-/// From environments of a batch to a pack that is solved. Where its memory comes from is a machine's affair.
+/// From environments of a batch to a pack that is solved. Its memory is provided by a machine.
 namespace stiction::inline STICTION_ISA {
 
-/// What is known of a pack before its numbers are looked at: which cones lie side by side, and how its arrays do.
+/// Facts about a pack before its numbers are looked at: the cones that lie side by side, and the layout of its arrays.
 template <int kLanes, class Set>
 struct PackLists {
   using Small = typename SetTraits<Set>::Small;
@@ -124,8 +124,8 @@ STICTION_HD bool with_pack(const JacobianBatchView<typename Types::Real>& batch,
   return true;
 }
 
-/// Solves up to kLanes environments, or parts of some, each of a size that the method takes; large ones alone. What
-/// became of each is in its `result`. memory.team() solves them together, memory.lists(bytes) is for PackLists, and
+/// Solves up to kLanes environments, or parts of some, each of a size that the method takes; large ones alone. The
+/// outcome of each is in its `result`. memory.team() solves them together, memory.lists(bytes) is for PackLists, and
 /// memory.numbers(lists, counts) makes the workspace if memory.has_room(lists, counts). `listed`: their cones, where
 /// they are known.
 template <class Types, class Memory>

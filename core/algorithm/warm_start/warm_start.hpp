@@ -7,7 +7,7 @@
 /// Storing one environment's reactions and handing them out again (docs/howto/warm_start.md).
 namespace stiction::inline STICTION_ISA {
 
-/// Where one environment's cones and rows are in this step's batch.
+/// Ranges of one environment's cones and rows in this step's batch.
 struct WarmStartSpan {
   Offset first_cone;
   Offset first_row;
@@ -19,7 +19,7 @@ struct WarmStartSpan {
 /// Rows of a contact point of bodies.
 constexpr Index kContactRows = 3;
 
-/// Whether the batch's cones are contact points of bodies: it has no offsets of rows, because each has three.
+/// Returns true if the batch's cones are contact points of bodies: it has no offsets of rows, because each has three.
 STICTION_HD bool are_contacts(const BatchLayout& batch) {
   return batch.cone_row_offsets == nullptr;
 }
@@ -59,7 +59,7 @@ STICTION_HD std::uint32_t sort_cones(TeamT& team, const BatchLayout& batch, cons
   return team.combine(flags);
 }
 
-/// What a stored reaction is multiplied by in a step of another length; 0 where that is not a finite number.
+/// Returns the factor of a stored reaction in a step of another length; 0 where that is not a finite number.
 template <class Real>
 STICTION_HD Real carry_factor(double beta, StepScaling scaling, double dt_before, double dt_now) {
   double ratio = 1.0;
@@ -107,7 +107,7 @@ STICTION_HD void load_warm_start(TeamT& team, const WarmStartLoadJob<Real>& job,
          [&] { memory.record[env] = WarmStartRecord{hits, span.cones - hits, flags, memory.record[env].too_large}; });
 }
 
-/// Whether an answer is worth starting from. Named one by one: a code that is not known here is not trusted.
+/// Returns true if an answer is worth starting from. Named one by one: a code that is not known here is not trusted.
 STICTION_HD bool worth_storing(EnvCode code) {
   return code == EnvCode::solved || code == EnvCode::max_iterations || code == EnvCode::stalled ||
          code == EnvCode::rounding || code == EnvCode::infeasible;
@@ -138,7 +138,7 @@ STICTION_HD void store_warm_start(TeamT& team, const WarmStartStoreJob<Real>& jo
     reset_warm_start(team, memory, env, 0);
     return;
   }
-  // Of an environment that failed nothing is read: its offsets may be what was wrong.
+  // Nothing of an environment that failed is read: its offsets may be what was wrong.
   const bool failed = !worth_storing(job.status[env].code);
   const WarmStartSpan span = failed ? WarmStartSpan{0, 0, 0, 0, true} : warm_start_span(job.batch, memory, env);
   const Real* const lambda = job.lambda + span.first_row;

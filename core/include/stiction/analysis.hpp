@@ -37,10 +37,10 @@ struct AnalysisOptions {
 /// (docs/howto/analysis.md).
 ///
 /// Sizes are singular values, which mean the same for every matrix: s_max = |A| and s_min = 1 / |A^-1| in the 2-norm.
-/// Of a symmetric A they are the absolute values of its eigenvalues, s_max the spectral radius; else s_max is a bound
+/// For a symmetric A they are the absolute values of its eigenvalues, s_max the spectral radius; else s_max is a bound
 /// on the spectral radius.
 struct OperatorAnalysis {
-  /// What a number holds that is not determined: NaN.
+  /// Value of a number that is not determined: NaN.
   static constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
   Index rows = 0;                 ///< rows of the environment

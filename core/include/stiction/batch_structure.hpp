@@ -9,7 +9,7 @@
 
 namespace stiction {
 
-/// Where the arrays of a view live.
+/// Memory in which the arrays of a view live.
 enum class MemorySpace : std::uint8_t {
   host = 0,  ///< memory of the process
   cuda = 1,  ///< memory of a CUDA device, or of the emulated one
@@ -50,7 +50,7 @@ struct BatchLayout {
   }
 };
 
-/// Where the entries of A, or of its factor, are.
+/// Offsets of the entries of A, or of its factor.
 struct MatrixPattern {
   Offset nonzero_count = 0;                ///< stored entries of all A
   const Offset* row_offsets = nullptr;     ///< CSR rows of A                        (row_count + 1)
@@ -90,7 +90,7 @@ struct BatchStructure : BatchLayout, MatrixPattern {
   bool ends_early = false;   ///< in device memory: rows and cones end with the last environment's offsets, and the
                              ///< totals are room, as they are without counts
 
-  /// Where in mu the friction of a row is.
+  /// Returns the index of a row's friction in mu.
   [[nodiscard]] STICTION_HD Offset mu_at(Offset row) const { return mu_offsets != nullptr ? mu_offsets[row] : row; }
   /// The normal row of a friction cone, the only row of any other.
   [[nodiscard]] STICTION_HD Offset normal_row(Offset cone) const {

@@ -193,7 +193,7 @@ struct BodySolverOptions {
   InvalidPolicy invalid = InvalidPolicy::reject;  ///< what to do with numbers that break a precondition
 };
 
-/// Where a solve writes. Same memory space as the batch.
+/// Outputs of a solve. Same memory space as the batch.
 template <class Real>
 struct BodySolutionView {
   Real* impulse = nullptr;      ///< reactions in the contact frame, summed over sub-steps [N s]  (3 * contact_count)

@@ -16,7 +16,7 @@ enum class BodyMethod : std::uint8_t {
   newton = 1,    ///< inexact Newton's method on the bodies' velocities (docs/math/body_newton.md)
 };
 
-/// What makes the linear systems of Newton's method in body space easier for conjugate gradients.
+/// Preconditioner of the linear systems of Newton's method in body space.
 enum class BodyPreconditioner : std::uint8_t {
   diagonal = 0,             ///< of the matrix
   block_diagonal = 1,       ///< each body separately
@@ -47,7 +47,7 @@ struct MultigridOptions {
   bool operator==(const MultigridOptions&) const = default;
 };
 
-/// What Newton's method in body space is told when it plans.
+/// Options of Newton's method in body space, read when it plans.
 struct BodySpaceOptions {
   BodyPreconditioner preconditioner = BodyPreconditioner::multigrid;  ///< of the conjugate gradients
   MultigridOptions multigrid;                                         ///< read by multigrid

@@ -9,7 +9,7 @@ namespace stiction {
 
 /// How many calls of this thread became part of a CUDA graph. They are calls of a Solver, JacobianSolver or Derivative
 /// on a stream that was being captured. The graph has pointers to the memory of what was called. Read this before and
-/// after a call. Where it has grown, keep the object as long as the graph may be launched.
+/// after a call. If it has grown, keep the object as long as the graph may be launched.
 [[nodiscard]] std::uint64_t captured_calls() noexcept;
 
 }  // namespace stiction

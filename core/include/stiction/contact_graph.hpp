@@ -16,7 +16,7 @@ namespace stiction {
 /// The world: a body that is always there, never moves and is not counted.
 inline constexpr Index kWorldBody = -1;
 
-/// What a body is to the graph.
+/// Role of a body in the graph.
 enum class BodyRole : std::uint8_t {
   moving = 0,  ///< a vertex of the graph
   fixed = 1,   ///< never moves, like the world: it neither joins islands nor sets contacts in conflict
@@ -49,7 +49,7 @@ struct GraphIsland {
   bool operator==(const GraphIsland&) const = default;
 };
 
-/// What a change was, and what work it caused. The work depends on the route taken; the graph that results does not.
+/// Kind of a change, and the work it caused. The work depends on the route taken; the graph that results does not.
 struct GraphChange {
   Offset added = 0;                ///< contacts that are new
   Offset removed = 0;              ///< contacts that are gone
@@ -113,16 +113,16 @@ class ContactGraph {
   /// Error(invalid_argument) if there is no such body.
   GraphChange remove_body(Index body);
 
-  /// Adds a contact. Where the pair touched already, it costs O(1). Else it costs the colour work, and for two islands
+  /// Adds a contact. It costs O(1) if the pair touched already. Else it costs the colour work, and for two islands
   /// that become one O(s log n) with s the bodies of the smaller. \throws Error(invalid_argument) for an id that is
   /// present, a body that is not, or a body in contact with itself. Also for two bodies that both never move.
   GraphChange add_contact(const GraphContact& contact);
 
-  /// Removes a contact. Where others of the pair remain, it costs O(1). Else it costs the colour work, and two
-  /// alternating searches from both bodies that end when they meet or one side is exhausted. If the island falls
-  /// apart, that is O(manifolds of the side with fewer + s log n) with s the bodies of that side. If not, it is
-  /// O(manifolds followed until the searches meet), which on one long cycle is all of them. \throws
-  /// Error(invalid_argument) if there is no such id.
+  /// Removes a contact. It costs O(1) if others of the pair remain. Else it costs the colour work, and two alternating
+  /// searches from both bodies that end when they meet or one side is exhausted. If the island falls apart, that is
+  /// O(manifolds of the side with fewer + s log n) with s the bodies of that side. If not, it is O(manifolds followed
+  /// until the searches meet), which on one long cycle is all of them. \throws Error(invalid_argument) if there is no
+  /// such id.
   GraphChange remove_contact(std::uint64_t id);
 
   /// Gives the contact of that id another pair of bodies: O(1) if the pair is the same, else remove and add. \throws

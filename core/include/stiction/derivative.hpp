@@ -14,8 +14,8 @@
 
 namespace stiction {
 
-/// What was noticed about the derivative of one environment; any number of bits at once. The first five come with
-/// zeros in place of numbers.
+/// Flags of the derivative of one environment; any number of bits at once. The first five come with zeros in place of
+/// numbers.
 enum GradientFlag : std::uint32_t {
   kGradientInvalidInput = 1U << 0,    ///< the environment's numbers, or flags that it came with, forbid a solve. Or it
                                       ///< has a cone of box_friction or semidefinite, of which no derivatives are taken
@@ -49,7 +49,7 @@ struct GradientStatus {
 };
 static_assert(sizeof(GradientStatus) == 32);
 
-/// What a Derivative is told when it is made.
+/// Options of a Derivative.
 struct DerivativeOptions {
   std::optional<Law> law;        ///< overrides the batch's law; the one that was solved
   double residual_limit = 1e-3;  ///< reactions of a larger relative residual get zeros; infinity: all pass [-]
@@ -107,7 +107,7 @@ struct SweepsView {
 
 /// Numbers of a batch, in `count` sets that follow one another. Cotangents are where derivatives of losses by them go;
 /// null: not wanted. Tangents are changes of them; null: zeros. Entries of A are independent: each stored one gets its
-/// derivative, and who means a symmetric A adds both. Of rows that share mu each gets its part. Numbers that the batch
+/// derivative, and who means a symmetric A adds both. Rows that share mu each get their part. Numbers that the batch
 /// does not use are not written.
 template <class Number>
 struct BatchNumbers {
@@ -128,7 +128,7 @@ using BatchTangentView = BatchNumbers<const Real>;
 
 /// Cotangents or tangents of a Jacobian batch. Stored entries of J are independent. M is a symmetric parameter. The
 /// product of its cotangent with a symmetric change is the change of the loss, and of a tangent the symmetric part
-/// counts. Of a factor L the lower triangle is written and read, and zeros are written above it.
+/// counts. Only the lower triangle of a factor L is written and read, and zeros are written above it.
 template <class Number>
 struct JacobianBatchNumbers {
   Number* J = nullptr;       ///< of the stored entries        (count * entry_count)
@@ -170,7 +170,7 @@ class Derivative {
   /// Pulls `count` sets of cotangents of the solution back to the batch (a vector-Jacobian product). One factor serves
   /// all sets. An environment that is refused gets zeros and a flag, and no other environment's bits change.
   /// `status` gets one record for each environment.
-  /// \throws Error(invalid_argument) for a broken structure, a missing array or a count below zero. So does an output
+  /// \throws Error(invalid_argument) for a broken structure, a missing array or a count below zero. Also for an output
   /// that shares memory with another array. Then nothing was written.
   template <class Real>
   void vjp(const ContactBatchView<Real>& batch, const ReactionView<Real>& at,
@@ -204,7 +204,7 @@ class Derivative {
   /// Pulls cotangents of what so many sweeps of solver `pgs` return back to the batch and to their warm start. It is
   /// the derivative of the iterations, not of the solution that they come near. The solve is one with tolerance 0,
   /// stall_window 0 and `max_iterations` = sweeps.count. Sweeps are run again in double, in the solver's own order, and
-  /// kept. That takes 2 (n + sweeps) n doubles an environment of n rows, and n may not exceed `max_unknowns`. In the
+  /// kept. It takes 2 (n + sweeps) n doubles an environment of n rows, and n may not exceed `max_unknowns`. In the
   /// record `forward_residual` is that of the answer, and `unconverged` is never set. A device takes room for the
   /// longest sweeps so far. A call that needs more waits for those before it, and may not be captured
   /// (docs/math/derivative.md, "Unrolled").

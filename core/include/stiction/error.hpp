@@ -8,7 +8,7 @@
 
 namespace stiction {
 
-/// What kind of misuse or failure an Error reports.
+/// Kind of misuse or failure that an Error reports.
 enum class ErrorCode {
   invalid_argument,  ///< an argument is wrong; the message names it, its value and the remedy
   bad_file,          ///< a file is not what it claims to be

@@ -13,7 +13,7 @@ namespace stiction {
 std::uint64_t hash_bits(std::span<const float> values) noexcept;
 /// Hash of the bits of an array of doubles.
 std::uint64_t hash_bits(std::span<const double> values) noexcept;
-/// What elements `first` on of a longer array add to its hash. The sum over all parts of an array is its hash.
+/// Share of elements `first` on of a longer array in its hash. The sum over all parts of an array is its hash.
 std::uint64_t hash_part(std::span<const float> values, std::uint64_t first) noexcept;
 /// Likewise of an array of doubles.
 std::uint64_t hash_part(std::span<const double> values, std::uint64_t first) noexcept;

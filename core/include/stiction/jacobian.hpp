@@ -11,7 +11,7 @@
 
 namespace stiction {
 
-/// What the mass arrays of a JacobianBatchView hold.
+/// Contents of the mass arrays of a JacobianBatchView.
 enum class MassForm : std::uint8_t {
   matrix = 0,  ///< M itself, symmetric positive definite
   factor = 1,  ///< the lower Cholesky factor L of M = L L', with a positive diagonal
@@ -110,10 +110,10 @@ class JacobianBatch {
 /// like (docs/math/velocity_newton.md). A set of them is one word, and such environments share packs.
 inline constexpr Index kMostVelocityDofs = 64;
 
-/// Where a solve of J and M starts; both may be null: from v_free, without reactions. `velocities` are for Newton's
-/// method in velocities (docs/math/velocity_newton.md). With them it does not read an environment's reactions, except
-/// where it solves a sequence of problems. All other methods start from `reactions`. An environment whose velocities
-/// have no finite squares starts without them, marked kFlagWarmStartRejected.
+/// Start of a solve of J and M; both may be null: from v_free, without reactions. `velocities` are for Newton's method
+/// in velocities (docs/math/velocity_newton.md). With them it does not read an environment's reactions, except where
+/// it solves a sequence of problems. All other methods start from `reactions`. An environment whose velocities have no
+/// finite squares starts without them, marked kFlagWarmStartRejected.
 template <class Real>
 struct JacobianStart {
   const Real* reactions = nullptr;   ///< lambda [lambda]                               (row_count)
@@ -127,15 +127,15 @@ enum class FactorUse : std::uint8_t {
   always,   ///< all that have degrees of freedom
 };
 
-/// Whether an environment of n rows and `dofs` degrees of freedom is kept as a factor. A = Y Y' with Y = J L^-T is
-/// then never formed. A sweep costs 3 n dofs multiplications where the matrix takes n^2. Its loops are shorter, so
-/// that it has to save a quarter of them to be faster. Decided by these two integers, because it reaches the last bits
-/// of the answer.
+/// Returns true if an environment of n rows and `dofs` degrees of freedom is kept as a factor. A = Y Y' with Y = J
+/// L^-T is then never formed. A sweep costs 3 n dofs multiplications where the matrix takes n^2. Its loops are
+/// shorter, so that it has to save a quarter of them to be faster. Decided by these two integers, because it reaches
+/// the last bits of the answer.
 STICTION_HD constexpr bool prefers_factor(Offset n, Offset dofs) {
   return n > 72 && dofs > 0 && 4 * dofs < n;
 }
 
-/// Whether an environment is kept as a factor. One without rows or degrees of freedom has none.
+/// Returns true if an environment is kept as a factor. One without rows or degrees of freedom has none.
 STICTION_HD constexpr bool keeps_factor(FactorUse use, Offset n, Offset dofs) {
   return n > 0 && dofs > 0 && (use == FactorUse::always || (use == FactorUse::by_size && prefers_factor(n, dofs)));
 }
@@ -149,7 +149,7 @@ template <class Real>
 ContactBatch<Real> assemble(const JacobianBatchView<Real>& batch, FactorUse use = FactorUse::by_size, int threads = 0);
 
 /// v+ = v_free + M^-1 J' lambda of every environment  (dof_count). `lambda` are the reactions of the assembled batch,
-/// without room between environments. Where all of an environment's reactions are zero, and so where it could not be
+/// without room between environments. If all of an environment's reactions are zero, as of one that could not be
 /// solved, its v_free comes back.
 /// \throws Error(invalid_argument) if the structure is broken or lambda has another length.
 template <class Real>

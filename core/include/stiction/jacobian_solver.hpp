@@ -21,22 +21,22 @@ struct JacobianCapacity {
   Offset factor = 0;          ///< entries of all Y together: n dofs of each that is kept as a factor
   bool semidefinite = false;  ///< whether cones of semidefinite will come
 
-  /// What a host batch needs. \throws Error(invalid_argument) if its structure is broken.
+  /// Returns the needs of a host batch. \throws Error(invalid_argument) if its structure is broken.
   template <class Real>
   static JacobianCapacity of(const JacobianBatchView<Real>& batch, FactorUse use = FactorUse::by_size);
-  /// What any batch of `envs` environments needs whose largest has so many rows, cones and degrees of freedom.
+  /// Needs of any batch of `envs` environments whose largest has so many rows, cones and degrees of freedom.
   static JacobianCapacity of_largest(Offset envs, Index env_rows, Index env_cones, Index env_dofs,
                                      FactorUse use = FactorUse::by_size);
 };
 
-/// Whether a solve of J and M with these options begins with Newton's method in velocities, which takes M as a matrix
-/// (docs/math/auto.md). Islands apart are solved as separate environments, by what takes A.
+/// Returns true if a solve of J and M with these options begins with Newton's method in velocities, which takes M as a
+/// matrix (docs/math/auto.md). Islands apart are solved as separate environments, by what takes A.
 [[nodiscard]] inline bool takes_newton(const SolverOptions& options) noexcept {
   return options.solver == SolverKind::automatic && options.islands == IslandMode::together &&
          options.choose == SolverChoice::named;
 }
 
-/// Where a JacobianSolver writes; same memory space as the batch. Reactions and motion lie where the batch has the row,
+/// Outputs of a JacobianSolver; same memory space as the batch. Reactions and motion lie where the batch has the row,
 /// and what it does not use of them is not written.
 template <class Real>
 struct JacobianSolutionView {
@@ -53,7 +53,7 @@ template <class Real>
 class JacobianMachine;
 
 /// Solves Jacobian batches where they are, on the host or on a device: assembles, solves, and moves the velocities
-/// (docs/howto/jacobian.md). Where takes_newton(), environments that Newton's method in velocities solves are not
+/// (docs/howto/jacobian.md). With takes_newton(), environments that Newton's method in velocities solves are not
 /// assembled. On every device the same bits.
 template <class Real>
 class JacobianSolver {
@@ -70,15 +70,15 @@ class JacobianSolver {
   /// velocities: an environment's start is read before its answer is written.
   ///
   /// A batch in device memory is read there, its integers too, in the order of `stream`; nothing waits, nothing is
-  /// allocated. What is queued can be captured into a graph and replayed after numbers, contacts and counts have
-  /// changed in place. Solves on several streams follow one another. An environment larger than the capacity is marked
-  /// kFlagOverCapacity. So is, where A or Y run out of room, the first that does not fit and every later one of its
-  /// form. One whose offsets or columns are out of order is marked kFlagBadStructure and its velocity is not written.
-  /// All these leave the others alone, and so does one with kFlagBadMass, whose velocity is its v_free. A batch in
-  /// host memory is solved by the CPU, complete on return. \throws Error(invalid_argument), before anything is
-  /// written, if the batch is not in this solver's memory. Also if it has more environments, rows or cones than there
-  /// is room for. Also if it lacks an array, and on the CPU if its structure is broken or, with InvalidPolicy::reject,
-  /// a number.
+  /// allocated. Queued work can be captured into a graph and replayed after numbers, contacts and counts have changed
+  /// in place. Solves on several streams follow one another. An environment larger than the capacity is marked
+  /// kFlagOverCapacity. If A or Y run out of room, the first that does not fit and every later one of its form is
+  /// flagged, too. One whose offsets or columns are out of order is marked kFlagBadStructure and its velocity is not
+  /// written. All these leave the others alone, and so does one with kFlagBadMass, whose velocity is its v_free. A
+  /// batch in host memory is solved by the CPU, complete on return. \throws Error(invalid_argument), before anything
+  /// is written, if the batch is not in this solver's memory. Also if it has more environments, rows or cones than
+  /// there is room for. Also if it lacks an array, and on the CPU if its structure is broken or, with
+  /// InvalidPolicy::reject, a number.
   void solve(const JacobianBatchView<Real>& batch, const JacobianSolutionView<Real>& solution,
              const JacobianStart<Real>& start, StreamRef stream = StreamRef::default_stream());
   /// Solves every environment from reactions, or from zero where `warm_start` is null.

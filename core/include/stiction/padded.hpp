@@ -17,15 +17,15 @@ enum class MatrixRows : std::uint8_t {
   by_rows,  ///< row i begins at i * rows, a dense rows x rows matrix at the beginning of its room: Newton Kamino
 };
 
-/// Where a friction cone's normal row is.
+/// Position of a friction cone's normal row.
 enum class RowOrder : std::uint8_t {
   normal_first,  ///< before the tangential rows
   normal_last,   ///< behind the tangential rows: Newton Kamino
 };
 
-/// Where the numbers of a padded batch lie: the caller's arrays, which are neither copied nor changed. Vectors of an
-/// environment take `room` entries, its matrix room * room, and environments follow one another. What lies behind the
-/// entries in use may be anything.
+/// Numbers of a padded batch: the caller's arrays, which are neither copied nor changed. Vectors of an environment
+/// take `room` entries, its matrix room * room, and environments follow one another. Numbers behind the entries in use
+/// may be anything.
 template <class Real>
 struct PaddedNumbers {
   const Real* A = nullptr;   ///< dense Delassus operators, without R [w / lambda]   (sum of room^2)
@@ -49,10 +49,10 @@ class PaddedLayout {
       : matrix_rows_(matrix_rows), row_order_(row_order) {}
 
   /// Appends one environment with room for `room` rows. Cones from the first that does not fit on are left out, and
-  /// the environment is marked kFlagContactsDropped. So it is where `overflowed` says that its producer had to leave
-  /// contacts out. `first_mu` >= 0: mu has one entry per friction cone, those of this environment from that place on,
-  /// in order; for all environments or none. \throws Error(invalid_argument) on a negative room or a cone without
-  /// rows; then nothing was appended.
+  /// the environment is marked kFlagContactsDropped. It is flagged, too, if `overflowed` says that its producer had to
+  /// leave contacts out. `first_mu` >= 0: mu has one entry per friction cone, those of this environment from that
+  /// place on, in order; for all environments or none. \throws Error(invalid_argument) on a negative room or a cone
+  /// without rows; then nothing was appended.
   void add(Index room, std::span<const Cone> cones, bool overflowed = false, Offset first_mu = -1);
 
   /// Environments so far.

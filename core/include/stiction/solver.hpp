@@ -68,7 +68,7 @@ class StreamRef {
   void* handle_;
 };
 
-/// What to do with an environment whose numbers break a precondition (NaN, mu < 0, ...).
+/// Policy for an environment whose numbers break a precondition (NaN, mu < 0, ...).
 enum class InvalidPolicy : std::uint8_t {
   reject,   ///< solve() throws before anything is changed, naming the first defect
   isolate,  ///< that environment is flagged and gets zeros; no other environment's bits change
@@ -98,7 +98,7 @@ BlockMode block_mode_from_string(const std::string& name);
 
 class Tracer;
 
-/// What a Solver is told when it is made.
+/// Options of a Solver.
 struct SolverOptions {
   SolverKind solver = SolverKind::npgs;       ///< which solver
   SolverChoice choose = SolverChoice::named;  ///< spectrum: of each environment by its operator, in place of `solver`;
@@ -121,7 +121,7 @@ struct SolverOptions {
   Index direct_rows = 1024;
 };
 
-/// Where a solve writes; same memory space as the batch.
+/// Outputs of a solve; same memory space as the batch.
 template <class Real>
 struct SolutionView {
   Real* lambda = nullptr;       ///< reactions [lambda]           (row_count)
@@ -129,8 +129,8 @@ struct SolutionView {
   EnvStatus* status = nullptr;  ///< one record each              (env_count)
 };
 
-/// Room that a solver on a GPU has. What fits is solved without allocating or waiting, so that the solve can be
-/// captured into a graph. Zero: as much as the batches so far have needed. On the CPU room is made as it is needed.
+/// Room that a solver on a GPU has. Batches that fit are solved without allocating or waiting, so that the solve can
+/// be captured into a graph. Zero: as much as the batches so far have needed. On the CPU room is made as it is needed.
 struct Capacity {
   Offset envs = 0;                       ///< environments of a batch
   Offset rows = 0;                       ///< rows of a batch
@@ -142,7 +142,7 @@ struct Capacity {
   Precision precision = Precision::f32;  ///< the widest that batches will have
   bool semidefinite = false;             ///< whether cones of semidefinite will come (docs/math/semidefinite.md)
 
-  /// What a host batch needs.
+  /// Returns the needs of a host batch.
   template <class Real>
   static Capacity of(const ContactBatchView<Real>& batch);
 };
@@ -196,10 +196,10 @@ class Solver {
              const Real* warm_start = nullptr, StreamRef stream = StreamRef::default_stream()) const;
 
   /// Solves without a plan of the caller's. A batch in device memory is planned there, in the order of `stream`, so
-  /// nothing waits and nothing is allocated. What is queued can be captured into a CUDA graph and replayed after the
-  /// batch's numbers, contacts and counts have changed in place (docs/explanation/cuda.md). Its view's totals are then
-  /// the room of its arrays. An environment beyond the capacity is flagged kFlagOverCapacity, one whose offsets are out
-  /// of order kFlagBadStructure; both leave the others alone. A host batch is planned on the host by the CPU. \throws
+  /// nothing waits and nothing is allocated. Queued work can be captured into a CUDA graph and replayed after numbers,
+  /// contacts and counts of the batch have changed in place (docs/explanation/cuda.md). Its view's totals are then the
+  /// room of its arrays. An environment beyond the capacity is flagged kFlagOverCapacity, one whose offsets are out of
+  /// order kFlagBadStructure; both leave the others alone. A host batch is planned on the host by the CPU. \throws
   /// Error(invalid_argument) if the batch is beyond the capacity given to the constructor, before anything is queued.
   template <class Real>
   void solve(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution, const Real* warm_start = nullptr,

@@ -22,7 +22,7 @@ const char* to_string(SolverChoice choice) noexcept;
 /// \throws Error(invalid_argument) listing the names that exist.
 SolverChoice solver_choice_from_string(const std::string& name);
 
-/// What an environment's spectrum calls for.
+/// Class of an environment's spectrum, by which a solver is chosen.
 enum class SpectrumClass : std::uint8_t {
   direct = 0,          ///< well conditioned, and few rows
   preconditioned = 1,  ///< not badly conditioned

@@ -18,7 +18,7 @@
 ///                 solver.reset_where(done_mask, stream);                // environments that start over
 namespace stiction {
 
-/// What the stepping solvers share: memory of the last step, and ways to reset it.
+/// Base of the stepping solvers: memory of the last step, and ways to reset it.
 template <class Real>
 class StepMemory {
  public:
@@ -86,8 +86,8 @@ class JacobianSteppingSolver : public StepMemory<Real> {
   JacobianSteppingSolver(Device device, const SolverOptions& options, const JacobianCapacity& capacity,
                          const WarmStartOptions& warm_start = {}, FactorUse use = FactorUse::by_size);
 
-  /// Loads, solves and stores a step of length `dt` [s], as SteppingSolver::solve. What is stored stays as it was if a
-  /// number is rejected (InvalidPolicy::reject). \throws as JacobianSolver::solve and WarmStartStore::load.
+  /// Loads, solves and stores a step of length `dt` [s], as SteppingSolver::solve. Stored reactions stay as they were
+  /// if a number is rejected (InvalidPolicy::reject). \throws as JacobianSolver::solve and WarmStartStore::load.
   void solve(const JacobianBatchView<Real>& batch, const std::uint64_t* cone_id, double dt,
              const JacobianSolutionView<Real>& solution, StreamRef stream = StreamRef::default_stream());
 

@@ -9,7 +9,7 @@ namespace stiction {
 
 class Tracer;
 
-/// What threads did in sections. A section is work that is shared out to threads and ends when all of it is done.
+/// Use of threads in sections. A section is work that is shared out to threads and ends when all of it is done.
 struct ThreadUse {
   double seconds = 0;        ///< that sections took, one after the other [s]
   double available = 0;      ///< time that all threads of the sections had, at work or not [s]
@@ -37,14 +37,14 @@ class ThreadMeter {
   ThreadMeter(const ThreadMeter&) = delete;
   ThreadMeter& operator=(const ThreadMeter&) = delete;
 
-  /// What was measured so far.
+  /// Returns the measurements so far.
   [[nodiscard]] const ThreadUse& use() const noexcept { return use_; }
 
   /// The meter of the calling thread, null without one. For those who share work out.
   [[nodiscard]] static ThreadMeter* current() noexcept;
   /// Takes in a section of so many seconds, and the busy times of its threads. For those who share work out.
   void add(double seconds, std::vector<double> busy);
-  /// Where spans go, null: nowhere.
+  /// Returns the tracer that gets spans; null: none.
   [[nodiscard]] Tracer* tracer() const noexcept { return tracer_; }
 
  private:

@@ -43,8 +43,8 @@ class Tracer {
   /// Says that so many spans could not be timed.
   void leave_out(std::size_t count) noexcept;
 
-  /// What was collected, by start. Spans of a device come in when its work is waited for (Solver::synchronize, or a
-  /// solve of a host batch). The last ones come in when the solver is destroyed.
+  /// Returns the collected spans, by start. Spans of a device come in when its work is waited for
+  /// (Solver::synchronize, or a solve of a host batch). The last ones come in when the solver is destroyed.
   [[nodiscard]] std::vector<Span> spans() const;
   /// Spans for which there was no room.
   [[nodiscard]] std::size_t left_out() const;

@@ -13,7 +13,7 @@
 
 namespace stiction {
 
-/// What a change of the time step does to a stored reaction. Which one keeps the physics depends on what lambda is.
+/// Effect of a change of the time step on a stored reaction. Which one keeps the physics depends on what lambda is.
 enum class StepScaling : std::uint8_t {
   capped = 0,  ///< min(1, dt_prev / dt): lambda is a force, and the new step starts with no more impulse lambda dt
                ///< than the last one ended with
@@ -21,7 +21,7 @@ enum class StepScaling : std::uint8_t {
   proportional = 2,  ///< dt / dt_prev: lambda is an impulse; the force lambda / dt stays the same
 };
 
-/// What a WarmStartStore is told when it is made.
+/// Options of a WarmStartStore.
 struct WarmStartOptions {
   double beta = 0.95;                         ///< part of the last reaction to start from, 0 < beta <= 1 [-]
   StepScaling scaling = StepScaling::capped;  ///< what a change of dt does
@@ -35,7 +35,7 @@ struct WarmStartCapacity {
   Offset rows = 0;   ///< rows of all its environments
 };
 
-/// What was noticed about one environment since the last load began; any number of bits at once.
+/// Flags of one environment since the last load began; any number of bits at once.
 enum WarmStartFlag : std::uint32_t {
   kWarmStartTooLarge = 1U << 0,     ///< it ends beyond the store's cones or rows: started from zero, not stored
   kWarmStartFailed = 1U << 1,       ///< its solve ended numerical, invalid_input or unsupported: not stored
@@ -44,7 +44,7 @@ enum WarmStartFlag : std::uint32_t {
   kWarmStartReset = 1U << 4,        ///< it was reset
 };
 
-/// What the store did for one environment. 16 bytes, no padding.
+/// Record of the store for one environment. 16 bytes, no padding.
 struct WarmStartRecord {
   Index hits;               ///< cones of the last load that start from a stored reaction
   Index misses;             ///< cones of the last load that start from zero
@@ -61,15 +61,15 @@ class WarmStartMachine;
 ///     lambda_0 = beta * lambda_prev * min(1, dt_prev / dt)          (StepScaling::capped)
 ///
 /// (warm starting of sequential impulses: Catto 2005; docs/howto/warm_start.md). A cone is known by its environment and
-/// its id, which may be any 64-bit number that is unique within the environment. Of cones that share one, the first in
-/// the batch's order is stored and served. New cones start from zero, cones that vanish are dropped, and so is a cone
+/// its id, which may be any 64-bit number that is unique within the environment. If cones share one, the first in the
+/// batch's order is stored and served. New cones start from zero, cones that vanish are dropped, and so is a cone
 /// whose kind or number of rows changed. An environment whose solve ended numerical, invalid_input or unsupported is
 /// reset whole: nothing of a failure reaches the next step.
 ///
 /// Each step: load, solve, store. Environment e of every batch is the same simulation. All memory is taken when the
 /// store is made. An environment that does not fit is solved from zero, not stored, and says so in its record. It fits
-/// if its cones and rows end within the capacity. So with too little room it matters what stands before it, and with
-/// enough room no environment's guess depends on another's.
+/// if its cones and rows end within the capacity. With too little room the order of environments hence matters, and
+/// with enough room no environment's guess depends on another's.
 template <class Real>
 class WarmStartStore {
  public:

@@ -46,7 +46,7 @@ struct WorldBody {
   std::array<double, 6> twist{};                  ///< velocity [m/s], spin [rad/s], world axes
 };
 
-/// What all environments of a world have in common.
+/// Description shared by all environments of a world.
 struct WorldDescription {
   std::vector<WorldBody> bodies;               ///< bodies; shapes name them by their place here
   std::vector<WorldShape> shapes;              ///< shapes of all bodies and of the world
@@ -72,7 +72,7 @@ BodySolverOptions until_solved() {
 /// 0.1 [m/s]. Contacts at rest approach by the speed of one step.
 double slowest_bounce(const std::array<double, 3>& gravity, double dt);
 
-/// What a World is told when it is made.
+/// Options of a World.
 struct WorldOptions {
   TimeStepping stepping;  ///< the step, and how contacts enter it
   /// substeps must be 1: a world detects contacts in every step. until_solved<double>() is for a World<double>.
@@ -106,7 +106,7 @@ template <class Real>
 using StepSolver =
     std::function<void(const BodyBatchView<Real>& batch, const BodySolutionView<Real>& solution, const Real* guess)>;
 
-/// What is conserved, or should be, of one environment; summed in double.
+/// Quantities of one environment that are conserved, or should be; summed in double.
 struct WorldMotion {
   double kinetic = 0;                      ///< [J]
   double potential = 0;                    ///< in gravity, zero at the origin [J]
@@ -114,7 +114,7 @@ struct WorldMotion {
   double angular_momentum[3] = {0, 0, 0};  ///< about the origin [N m s]
 };
 
-/// Where the time of all steps so far went [s].
+/// Time of all steps so far, by part [s].
 struct WorldSeconds {
   double detect = 0;     ///< contacts, their order, first guesses
   double plan = 0;       ///< colours and order of the solve
@@ -144,7 +144,7 @@ class World {
   /// stays where it is; no other environment changes.
   void step();
   /// One step whose contacts `solve` answers in place of the world's own solver: several processes, say
-  /// (docs/howto/ranks.md). What it throws is passed on: bodies are then where they were, and impulses to start from
+  /// (docs/howto/ranks.md). Its exceptions are passed on: bodies are then where they were, and impulses to start from
   /// are forgotten. \throws Error(invalid_argument) for an empty function.
   void step(const StepSolver<Real>& solve);
 
@@ -169,7 +169,7 @@ class World {
 
   /// How the last step's solve ended: a record per environment, all zero before the first step.
   [[nodiscard]] std::span<const EnvStatus> status() const;
-  /// Where the last step's contacts of each environment begin (env_count + 1).
+  /// Returns the offsets of each environment's contacts in the last step (env_count + 1).
   [[nodiscard]] std::span<const Offset> contact_offsets() const;
   /// The last step's contacts and what they ended with; valid until the next step.
   [[nodiscard]] BodyBatchView<Real> contacts() const;
@@ -179,7 +179,7 @@ class World {
   [[nodiscard]] std::vector<WorldMotion> motion() const;
   /// Hash of all positions, orientations and twists.
   [[nodiscard]] std::uint64_t hash() const;
-  /// Where the time of all steps went.
+  /// Returns the time of all steps, by part.
   [[nodiscard]] const WorldSeconds& seconds() const;
   /// Environments.
   [[nodiscard]] Offset env_count() const;

@@ -25,12 +25,12 @@ struct WorldGradient {
 };
 
 /// One step of a world, kept in host memory so that it can be differentiated: a rollout keeps one for each of its
-/// steps. What is differentiated is the solution of the step's contact problem (docs/math/derivative.md), restitution
-/// and stabilisation included, and what the step does with it.
+/// steps. It differentiates the solution of the step's contact problem (docs/math/derivative.md), restitution and
+/// stabilisation included, and its use in the step.
 ///
-/// Contacts are those that the step had. Of their geometry the depth follows positions. Normals, arms and inertias are
-/// frozen, and rotations are not differentiated. So a derivative by `position` is exact only where nothing else counts,
-/// as of a ball on a plane without friction. All others have no part in geometry, and are exact.
+/// Contacts are those that the step had. Only the depth of their geometry follows positions. Normals, arms and
+/// inertias are frozen, and rotations are not differentiated. A derivative by `position` is hence exact only where
+/// nothing else counts, as of a ball on a plane without friction. All others have no part in geometry, and are exact.
 ///
 /// Give contacts compliance (TimeStepping::cfm > 0), and solve to a tolerance. A body on four corners has reactions
 /// that are not determined otherwise, and is flagged kGradientSingular.

@@ -10,12 +10,12 @@
 #include "core/io/guard/inflated_size.hpp"
 #include "core/io/guard/text_heap.hpp"
 
-/// What a dataset claims to be, against what the file stores for it, before anything of it is read.
+/// Compares the claims of a dataset with what the file stores for it, before anything of it is read.
 namespace stiction::io {
 namespace {
 
-/// No deflate stream expands more (zlib's documented limit of 1032:1). So no honest dataset claims more than this many
-/// bytes for each byte that is stored for it.
+/// No deflate stream expands more (zlib's documented limit of 1032:1). No honest dataset hence claims more than this
+/// many bytes for each byte that is stored for it.
 constexpr std::uint64_t kDeflateLimit = 1032;
 
 const char* class_name(H5T_class_t type_class) {
@@ -58,7 +58,7 @@ std::optional<std::uint64_t> unpacked_size(const std::vector<H5Z_filter_t>& filt
   return size;
 }
 
-/// Whether a chunk has `wanted` bytes when its filters are undone.
+/// Returns true if a chunk has `wanted` bytes when its filters are undone.
 bool holds_chunk(hid_t dataset, hsize_t begin, const std::vector<H5Z_filter_t>& filters, std::size_t stored,
                  std::uint64_t wanted) {
   if (filters.empty()) return stored == wanted;
@@ -148,7 +148,7 @@ std::string type_defect(hid_t type, Values values) {
 
 std::string storage_defect(const Claim& claim, std::uint64_t file_bytes) {
   if (claim.count == 0) return "";
-  // Of a string of variable length the array holds a reference; in memory that would be a pointer.
+  // For a string of variable length the array holds a reference; in memory that would be a pointer.
   const bool reference = H5Tis_variable_str(claim.type) > 0;
   const std::size_t width = reference ? kTextReference : H5Tget_size(claim.type);
   if (width == 0 || claim.count > std::numeric_limits<std::size_t>::max() / kDeflateLimit / width) {

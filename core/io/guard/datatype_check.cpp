@@ -13,7 +13,7 @@ constexpr std::uint64_t kVariableText = 1;  ///< kind of a type of variable leng
 
 constexpr const char* kDamaged = "has a damaged number type";
 
-/// What every datatype begins with.
+/// Head of every datatype.
 struct Head {
   unsigned version = 0, type_class = 0;
   std::uint64_t bits = 0;  ///< 24, whose meaning the class decides
@@ -64,8 +64,8 @@ std::string enumerator_defect(Cursor& cursor, const Head& head) {
   return {};
 }
 
-/// A string of variable length is a sequence of single bytes, called integers or strings. What stands for it is a
-/// length, an address and an index; HDF5 copies as much whatever size is said.
+/// A string of variable length is a sequence of single bytes, called integers or strings. The file stores a length, an
+/// address and an index for it; HDF5 copies as much whatever size is said.
 std::string variable_text_defect(Cursor& cursor, const Head& head) {
   const Head base = read_head(cursor);
   if ((head.bits & 15) != kVariableText) return "has a type of variable length that is no string";
@@ -74,7 +74,7 @@ std::string variable_text_defect(Cursor& cursor, const Head& head) {
   return base.type_class == kInteger ? number_defect(cursor, base) : "has a damaged string type";
 }
 
-/// What the other classes are.
+/// Returns the name of one of the other classes.
 const char* name_of(unsigned type_class) {
   constexpr const char* kNames[] = {
       nullptr,      nullptr, "times", nullptr, "bit fields", "opaque bytes", "compound records",

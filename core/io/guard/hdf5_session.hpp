@@ -35,8 +35,8 @@ class Handle {
 
 /// Everything this library asks of HDF5 happens inside a session. Not every build of HDF5 is thread-safe, so a session
 /// holds a lock. HDF5 prints its error stack, so printing is off. A file may name a filter that HDF5 would fetch as a
-/// plugin, that is, run code of the file's choosing. So plugins are off. Both settings are restored, since the host
-/// program may use HDF5 as well.
+/// plugin, that is, run code of the file's choosing. Plugins are therefore off. Both settings are restored, since the
+/// host program may use HDF5 as well.
 class Session {
  public:
   Session();

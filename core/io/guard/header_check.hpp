@@ -18,9 +18,9 @@ namespace stiction::io {
 /// header. Returns what is wrong, or nothing.
 std::string header_defect(RawBytes& bytes, std::uint64_t file_bytes, std::uint64_t base, std::uint64_t address);
 
-/// Looks for what HDF5 would decode already when it opens the file. That is the root's header, and an extension of the
-/// superblock, which honest files of this kind do not have. A file without a superblock is left to HDF5. Returns what
-/// is wrong, or nothing.
+/// Looks for what HDF5 would decode already when it opens the file. These are the root's header, and an extension of
+/// the superblock, which honest files of this kind do not have. A file without a superblock is left to HDF5. Returns
+/// what is wrong, or nothing.
 std::string superblock_defect(RawBytes& bytes, std::uint64_t file_bytes);
 
 }  // namespace stiction::io

@@ -28,7 +28,7 @@ enum class MessageKind : std::uint16_t {
   reference_count = 0x16,
 };
 
-/// What is known of an object when all its messages were checked: those that must fit one another.
+/// Facts about an object after a check of all its messages: those that must fit one another.
 struct ObjectShape {
   std::optional<std::uint64_t> rank;           ///< of the dataspace
   std::optional<std::uint64_t> element_bytes;  ///< of the datatype
@@ -41,7 +41,7 @@ struct ObjectShape {
 /// read. Returns what is wrong, or nothing.
 std::string message_defect(MessageKind kind, std::span<const char> message, ObjectShape& shape);
 
-/// Whether every object has at most one message of this kind: HDF5 takes the first, and a second was not checked.
+/// True if every object has at most one message of this kind: HDF5 takes the first, and a second was not checked.
 bool is_single_message(MessageKind kind);
 
 }  // namespace stiction::io

@@ -12,7 +12,7 @@ constexpr std::uint64_t kUserBlock = 512;  ///< the smallest; a file begins behi
 constexpr unsigned kLastVersion = 3;
 constexpr std::uint64_t kCachedNames = 1;  ///< kind of the root's entry
 
-/// Where the fields of a superblock lie, by its version. Extension 0: there is none.
+/// Positions of a superblock's fields, by its version. Extension 0: there is none.
 struct Fields {
   std::size_t widths, extension, end, root;
 };

@@ -12,7 +12,7 @@
 
 namespace stiction::io {
 
-/// What a file stores for a string of variable length: 4 bytes of length, 8 of the heap's address, 4 of the index in
+/// Bytes that a file stores for a string of variable length: 4 of length, 8 of the heap's address, 4 of the index in
 /// it.
 inline constexpr std::size_t kTextReference = 16;
 

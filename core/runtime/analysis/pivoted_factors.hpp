@@ -15,11 +15,11 @@ struct Triangle {
 };
 
 /// The triangle with the singular values above `tolerance` of an n x n matrix, as many as its size. Householder QR with
-/// column pivoting goes on until no remaining column is longer than the tolerance. Where that leaves a trapezoid, it is
+/// column pivoting goes on until no remaining column is longer than the tolerance. If that leaves a trapezoid, it is
 /// done once more on its transpose.
 Triangle range_triangle(std::vector<double> matrix, std::size_t n, double tolerance);
 
-/// The sign of x'Ax over all x, by Cholesky's factorisation of (A + A') / 2 with diagonal pivoting. What is not above
+/// The sign of x'Ax over all x, by Cholesky's factorisation of (A + A') / 2 with diagonal pivoting. A value up to
 /// `tolerance` counts as zero. `n` is positive.
 Definiteness definiteness_of(std::vector<double> matrix, std::size_t n, double tolerance);
 

@@ -112,7 +112,7 @@ class BodySurvey {
     }
     return broken == 0;
   }
-  /// Those of kinematic bodies that are not used, too.
+  /// True if bodies are sound, kinematic ones that are not used included.
   [[nodiscard]] bool bodies_pass(Offset begin, Offset end) const {
     const Offset first = batch_.env_body_offsets[begin], count = batch_.env_body_offsets[end] - first;
     return all_finite(part(batch_.twist, 6, first, count)) && all_finite(part(batch_.inv_inertia, 6, first, count)) &&

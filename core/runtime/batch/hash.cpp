@@ -16,8 +16,8 @@ constexpr std::uint64_t splitmix64(std::uint64_t z) {
   return z ^ (z >> 31);
 }
 
-/// The bits of a value. IEEE 754 leaves sign and payload of a NaN to the machine (x86 and NVIDIA GPUs differ). So every
-/// NaN counts as the same one. Tested on the bits: no compiler option can fold that away.
+/// The bits of a value. IEEE 754 leaves sign and payload of a NaN to the machine (x86 and NVIDIA GPUs differ). Every
+/// NaN hence counts as the same one. Tested on the bits: no compiler option can fold that away.
 constexpr std::uint64_t canonical_bits(float value) {
   const auto bits = std::bit_cast<std::uint32_t>(value);
   return (bits & 0x7fffffffU) > 0x7f800000U ? 0x7fc00000U : bits;

@@ -161,7 +161,7 @@ void IslandSplit<Real>::join(const SolutionView<Real>& solution) const {
     solution.status[env] = status;
     for (Offset i = rows[at(piece_offsets_[at(env)])]; i < rows[at(piece_offsets_[at(env) + 1])]; ++i) {
       const Offset row = source_row_[at(i)];
-      // What one island is refused for, all are: the safe answer that islands together would have got.
+      // If one island is refused, all are: the safe answer that islands together would have got.
       const bool refused = is_refused(status.code);
       solution.lambda[row] = refused ? Real(0) : answer_.lambda[at(i)];
       if (solution.w == nullptr) continue;

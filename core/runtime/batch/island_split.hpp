@@ -13,16 +13,16 @@ namespace stiction {
 template <class Real>
 class IslandSplit {
  public:
-  /// Of a batch whose structure is sound, which is read again by join(). `warm_start` may be null.
+  /// Splits a batch whose structure is sound, which is read again by join(). `warm_start` may be null.
   IslandSplit(const ContactBatchView<Real>& batch, const Real* warm_start, bool with_motion);
 
-  /// Whether some environment has several pieces. If none has, the batch is to be solved as it is, and what follows is
-  /// empty.
+  /// Returns true if some environment has several pieces. If none has, the batch is to be solved as it is, and what
+  /// follows is empty.
   [[nodiscard]] bool needed() const noexcept { return needed_; }
   /// The pieces, packed, normal first.
   [[nodiscard]] ContactBatchView<Real> pieces() const noexcept { return pieces_.view(); }
   [[nodiscard]] const Real* warm_start() const noexcept { return warm_start_.empty() ? nullptr : warm_start_.data(); }
-  /// Where the pieces are to be solved to.
+  /// Returns the arrays for the pieces' solution.
   [[nodiscard]] SolutionView<Real> answer() noexcept {
     return {answer_.lambda.data(), answer_.w.empty() ? nullptr : answer_.w.data(), answer_.status.data()};
   }

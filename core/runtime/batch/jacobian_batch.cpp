@@ -73,7 +73,7 @@ std::size_t check_shape(const JacobianEnvironment<Real>& env, Index mass_block) 
   return rows;
 }
 
-/// What is in use of an array, by offsets and the counts that may stand in for the next one's beginning.
+/// Checks the part in use of an array, by offsets and the counts that may stand in for the next one's beginning.
 void check_parts(const char* name, const Offset* offsets, const Index* counts, Offset parts, Offset total,
                  DefectReport& report) {
   if (offsets == nullptr) refuse(std::string(name) + " is null; point it to the batch's array");

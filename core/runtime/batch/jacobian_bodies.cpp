@@ -64,7 +64,7 @@ class BodyFinder {
     return sum;
   }
 
-  /// Whether M has no entry between bodies by its form.
+  /// Returns true if M has no entry between bodies by its form.
   [[nodiscard]] bool is_in_blocks() const { return batch_.mass_block > 0 && kBodyDofs % batch_.mass_block == 0; }
 
   void add_body(Index body) {
@@ -92,7 +92,7 @@ class BodyFinder {
       added.twist_change[static_cast<std::size_t>(i)] = batch_.v_free[batch_.env_dof_offsets[env_] + first + i];
   }
 
-  /// Of xx, xy, xz, yy, yz, zz, by cofactors.
+  /// Inverts xx, xy, xz, yy, yz, zz by cofactors.
   static void add_inverse_inertia(typename BodyEnvironment<Real>::Body& body, const std::array<double, 6>& m) {
     const auto [xx, xy, xz, yy, yz, zz] = m;
     const std::array<double, 6> cofactors{yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy,

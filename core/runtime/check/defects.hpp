@@ -19,13 +19,13 @@
 namespace stiction {
 
 /// The structural defects alone: what validate() lists first. The arrays of numbers (A, b, R, mu, lo, hi) are not read
-/// and may be null. So a structure copied from a device can be checked before it is planned.
+/// and may be null. A structure copied from a device can hence be checked before it is planned.
 template <class Real>
 std::vector<Defect> validate_structure(const ContactBatchView<Real>& batch, std::size_t limit = 64,
                                        const ParallelFor& parallel_for = all_at_once,
                                        std::vector<FullRows>* full_rows = nullptr);
 
-/// Of those the ones of offsets and cones: a batch without them can be gone through, whatever its columns are.
+/// Returns their defects of offsets and cones: a batch without them can be gone through, whatever its columns are.
 template <class Real>
 std::vector<Defect> validate_offsets(const ContactBatchView<Real>& batch, std::size_t limit);
 
@@ -59,9 +59,9 @@ std::string shortest_text(Real value) {
   return {buffer.data(), end.ptr};
 }
 
-/// Whether no value is infinite or NaN, on the bits and without a branch: this runs over all of A before a solve. An
-/// exponent of ones, and no other, carries into the sign's place when one is added to it; comparing 64-bit numbers
-/// would not vectorise.
+/// Returns true if no value is infinite or NaN, on the bits and without a branch: this runs over all of A before a
+/// solve. An exponent of ones, and no other, carries into the sign's place when one is added to it; comparing 64-bit
+/// numbers would not vectorise.
 template <class Real>
 bool all_finite(std::span<const Real> values) {
   using Bits = std::conditional_t<sizeof(Real) == 4, std::uint32_t, std::uint64_t>;
@@ -73,7 +73,7 @@ bool all_finite(std::span<const Real> values) {
   return any >> kSignPlace == 0;
 }
 
-/// Whether no value is infinite, NaN or below zero, likewise.
+/// Returns true if no value is infinite, NaN or below zero, likewise.
 template <class Real>
 bool all_finite_nonnegative(std::span<const Real> values) {
   unsigned below = 0;
@@ -81,7 +81,7 @@ bool all_finite_nonnegative(std::span<const Real> values) {
   return below == 0 && all_finite(values);
 }
 
-/// Whether lo <= hi everywhere and some finite number is between them, likewise. Infinite bounds are none.
+/// Returns true if lo <= hi everywhere and some finite number is between them, likewise. Infinite bounds are none.
 template <class Real>
 bool all_bounds(const Real* lo, const Real* hi, std::size_t count) {
   constexpr Real kMost = std::numeric_limits<Real>::max();

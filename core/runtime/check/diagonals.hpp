@@ -8,8 +8,8 @@
 
 namespace stiction {
 
-/// Whether A + R has a positive diagonal in all `rows` rows from `first` on, of an environment that stores its rows in
-/// full.
+/// Returns true if A + R has a positive diagonal in all `rows` rows from `first` on, of an environment that stores its
+/// rows in full.
 template <class Real>
 bool has_positive_diagonal(const ContactBatchView<Real>& batch, Offset first, Index rows) {
   const Real* const diagonal = batch.A + batch.row_offsets[first];
@@ -18,7 +18,7 @@ bool has_positive_diagonal(const ContactBatchView<Real>& batch, Offset first, In
   return positive;
 }
 
-/// Whether an environment has friction cones, boxed or not.
+/// Returns true if an environment has friction cones, boxed or not.
 template <class Real>
 bool has_friction_cones(const ContactBatchView<Real>& batch, Offset env) {
   const ConeKind* const begin = batch.cone_kind + batch.env_cone_offsets[env];
@@ -71,7 +71,7 @@ Real diagonal_of(const ContactBatchView<Real>& batch, Offset env, Offset row, bo
   return diagonal;
 }
 
-/// Whether a row of A + R is zero: it cannot move, whatever its diagonal asks for.
+/// Returns true if a row of A + R is zero: it cannot move, whatever its diagonal asks for.
 template <class Real>
 bool is_flat(const ContactBatchView<Real>& batch, Offset env, Offset row) {
   const auto is_zero = [](std::span<const Real> values) {

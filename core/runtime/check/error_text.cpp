@@ -8,7 +8,7 @@
 namespace stiction {
 namespace {
 
-/// What is printed for a value that no enumerator has: a record read back from a damaged file, say.
+/// Text for a value that no enumerator has: a record read back from a damaged file, say.
 constexpr const char* kUnknown = "unknown";
 
 }  // namespace

@@ -15,7 +15,7 @@ enum class StoredColumns : std::uint8_t {
   full,  ///< and all there are: rows_are_full()
 };
 
-/// Of `rows` rows from `first` on, whose offsets are sound.
+/// Returns the columns of `rows` rows from `first` on, whose offsets are sound.
 inline StoredColumns stored_columns(const BatchStructure& batch, Offset first, Index rows) {
   if (rows == 0) return StoredColumns::run;
   const Index* const counts = batch.row_counts == nullptr ? nullptr : batch.row_counts + first;
@@ -29,7 +29,7 @@ inline StoredColumns stored_columns(const BatchStructure& batch, Offset first, I
   return StoredColumns::run;
 }
 
-/// Whether every index is in 0..bound-1, without a branch: a negative one is a large unsigned one.
+/// Returns true if every index is in 0..bound-1, without a branch: a negative one is a large unsigned one.
 inline bool all_below(std::span<const Index> indices, Index bound) {
   std::uint32_t any = 0;
   for (const Index index : indices) {
@@ -38,7 +38,7 @@ inline bool all_below(std::span<const Index> indices, Index bound) {
   return any == 0;
 }
 
-/// Whether the columns of an environment's rows are all of its own. Rows that follow one another are read as one.
+/// True if the columns of an environment's rows are all of its own. Rows that follow one another are read as one.
 inline bool columns_below(const BatchStructure& batch, Offset first, Index rows, std::size_t entries) {
   if (batch.row_counts == nullptr && batch.column_offsets == nullptr)
     return all_below(std::span(batch.row_columns(first), entries), rows);

@@ -34,7 +34,7 @@ class Survey {
     });
     return passes.load();
   }
-  /// Of each environment, once passes() said yes.  (env_count)
+  /// Returns each environment's columns, once passes() said yes.  (env_count)
   [[nodiscard]] const std::vector<StoredColumns>& columns() const { return columns_; }
 
  private:
@@ -111,7 +111,7 @@ class Survey {
             all_finite(within(batch_.factor, batch_.factor_offsets[begin], batch_.factor_offsets[end])));
   }
 
-  /// What had no room was left out when the batch was made, and said so: that is no defect.
+  /// Contacts without room were left out when the batch was made, and flagged: that is no defect.
   [[nodiscard]] bool flags_pass(Offset env) const {
     return batch_.env_flags == nullptr || (batch_.env_flags[env] & ~std::uint32_t{kFlagContactsDropped}) == 0;
   }

@@ -162,7 +162,7 @@ class Validator {
     return false;
   }
 
-  /// What is in use lies within its room.
+  /// Checks that the part in use lies within its room.
   template <class Place>
   bool check_counts(const char* name, const Index* counts, const Offset* offsets, Offset count, const Place& place) {
     bool sound = true;

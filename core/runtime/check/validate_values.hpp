@@ -15,7 +15,7 @@
 
 namespace stiction {
 
-/// What is known of an environment whose offsets are sound.
+/// Facts about an environment whose offsets are sound.
 struct EnvStructure {
   bool broken = false;  ///< a cone or a column has a defect
   StoredColumns columns = StoredColumns::any;
@@ -42,7 +42,7 @@ class ValueValidator {
   static constexpr const char* kFixOrIsolate =
       "; fix the value or solve with isolation (--isolate) to flag this environment and go on";
 
-  /// What was found when the batch was made.
+  /// Reports flags set when the batch was made.
   void check_flags() {
     for (Offset env = 0; batch_.env_flags != nullptr && env < batch_.env_count && !report_.full(); ++env) {
       for (int bit = 0; bit < kEnvFlagCount; ++bit) {
@@ -109,8 +109,8 @@ class ValueValidator {
   }
 
   /// A + R needs a positive diagonal wherever a cone bounds the reaction, unless the environment is one for pivoting.
-  /// A cone whose row is zero as a whole cannot move, and no method is given it. What is not finite was reported
-  /// before.
+  /// A cone whose row is zero as a whole cannot move, and no method is given it. Values that are not finite were
+  /// reported before.
   void check_diagonals() {
     Offset looked_at = -1;
     bool takes_any = false;

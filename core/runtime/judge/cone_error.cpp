@@ -154,7 +154,7 @@ Wide law_error(const Contact& contact) {
   return least;
 }
 
-/// What brings row k to the unit of the normal row: 1 where one of the two cannot move.
+/// Returns the factor that brings row k to the unit of the normal row: 1 where one of the two cannot move.
 Wide unit_of(const WideRows& rows, std::size_t k) {
   if (k == 0 || !(rows.diagonal[0] > 0) || !(rows.diagonal[k] > 0)) return 1;
   return std::sqrt(rows.diagonal[0] / rows.diagonal[k]);

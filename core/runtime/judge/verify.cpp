@@ -188,7 +188,7 @@ Residual env_residual(const ContactBatchView<Real>& batch, Offset env, const Rea
     const double scale = scratch.scale[scratch.islands.of(cone)];
     const double relative = share(scratch.error[cone], scale);
     if (scratch.error[cone] > worst.absolute) worst.absolute = scratch.error[cone];
-    // Of contacts that are infinitely wrong the one with an infinite error comes first.
+    // Among contacts that are infinitely wrong, one with an infinite error comes first.
     const bool broken = !(scratch.error[cone] < kInfinity);
     const bool was_broken = worst.cone >= 0 && !(scratch.error[static_cast<std::size_t>(worst.cone)] < kInfinity);
     if (relative > worst.relative || (broken && !was_broken)) {

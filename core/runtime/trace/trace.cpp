@@ -64,7 +64,7 @@ std::vector<Span> Tracer::spans() const {
     const std::lock_guard lock(mutex_);
     sorted = spans_;
   }
-  // Of spans that begin at once the longer one holds the other.
+  // If spans begin at once the longer one holds the other.
   std::stable_sort(sorted.begin(), sorted.end(), [](const Span& a, const Span& b) {
     return a.start != b.start ? a.start < b.start : a.duration > b.duration;
   });

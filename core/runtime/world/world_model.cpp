@@ -23,7 +23,7 @@ constexpr double kUnitTolerance = 1e-6;
 constexpr std::size_t kMostShapes = std::numeric_limits<Index>::max() / 2;
 /// Cells of the grid that shapes are sorted by: most per metre, so that no coordinate overflows.
 constexpr double kMostCells = 1e18;
-/// What bounding radii are enlarged by, so that no rounding of a later step makes them too small.
+/// Factor that enlarges bounding radii, so that no rounding of a later step makes them too small.
 constexpr double kBoundSlack = 1.0001;
 
 using Three = std::array<double, 3>;
@@ -159,7 +159,7 @@ std::vector<Index> by_body(const std::vector<WorldShape>& shapes) {
   return order;
 }
 
-/// Of the world and each body, whose shapes are in order.
+/// Lists the shapes of the world and of each body, which are in order.
 template <class Real>
 std::vector<BodyShapes> shapes_of(const std::vector<WorldShapeData<Real>>& shape, std::size_t bodies) {
   std::vector<BodyShapes> all(bodies + 1);
@@ -175,7 +175,7 @@ std::vector<BodyShapes> shapes_of(const std::vector<WorldShapeData<Real>>& shape
   return all;
 }
 
-/// All pairs in order of their numbers. Those of the same bodies are neighbours: the solver visits them as one.
+/// All pairs in order of their numbers. Contacts of the same bodies are neighbours: the solver visits them as one.
 template <class Real>
 std::vector<WorldPair<Real>> pairs_of(const WorldModelView<Real>& model) {
   std::vector<WorldPair<Real>> pairs;

@@ -12,7 +12,7 @@ _LEAST, _MOST = -2**31, 2**31 - 1
 
 def whole(name, value, most=_MOST):
     """An int that the library's 32 bits hold, or up to `most`. A float that is whole is taken: 1e4 is how people write
-    it. Whether the value is sensible is the library's to say.
+    it. The library checks if the value is sensible.
     """
     if isinstance(value, (float, np.floating)) and value.is_integer():
         value = int(value)

@@ -78,9 +78,9 @@ def status_bytes(status):
 
 
 class Framework:
-    """What stiction asks of the library that an array comes from: memory, its own stream."""
+    """Library that an array comes from: its memory, its own stream."""
 
-    #: Whether its arrays are written in the order of a stream, so that a solve need not be waited for.
+    #: True if its arrays are written in the order of a stream, so that a solve need not be waited for.
     has_streams = False
 
     def __init__(self, name, writable=True):

@@ -31,9 +31,9 @@ class Batch(BatchArrays):
     (m/s, m/s2), lambda the one that belongs to it (N s, N).
 
     Arrays of NumPy, PyTorch, JAX, CuPy and Warp are read in place, in float32 or float64. Change them in place between
-    solves and the next solve sees it. What cannot be read in place raises TypeError (not an array, another dtype) or
-    ValueError (shape, device, strides). The message names the argument, what was expected and what came. Lists, one
-    entry per environment, are copied.
+    solves and the next solve sees it. Arrays that cannot be read in place raise TypeError (not an array, another
+    dtype) or ValueError (shape, device, strides). The message names the argument, what was expected and what came.
+    Lists, one entry per environment, are copied.
 
     Batches and their solutions can be pickled and copied deeply, with their arrays, where these can.
 
@@ -52,7 +52,7 @@ class Batch(BatchArrays):
         Three ways to say where environments are; B environments, n rows, K cones:
 
         * padded: A (B, n, n), b (B, n). `counts` (B,) or `cone_counts` (B,), int32: rows or cones in use of each, read
-          anew at every solve; none: all. What lies behind the rows in use is not read.
+          anew at every solve; none: all. Numbers behind the rows in use are not read.
         * lists: A one (n_e, n_e) array or SciPy CSR matrix per environment, b one (n_e,); copied.
         * flat: b (rows,), `offsets` (B + 1,) int64 the first row of each environment. A the dense matrices one behind
           the other (sum n_e^2,), or CSR values with `indptr` (rows + 1,) int64 and `indices` (nnz,) int32. Columns
@@ -343,9 +343,9 @@ class Batch(BatchArrays):
 
     def as_jacobian(self) -> Batch:
         """The contacts of a host batch of bodies as rows of J and M: normal, two tangents, six degrees of freedom a body. The
-        arrays are copies. Impulses of contacts are reactions of these rows, in that order. What nothing can move has no
-        entries, a mass of 1, and its motion in `target`. Raises ValueError for substeps, and for a limit of contacts
-        that leaves some out.
+        arrays are copies. Impulses of contacts are reactions of these rows, in that order. Degrees of freedom that
+        nothing can move have no entries, a mass of 1, and their motion in `target`. Raises ValueError for substeps,
+        and for a limit of contacts that leaves some out.
         """
         if self.form != "bodies":
             raise ValueError(f"as_jacobian: expected a batch of form 'bodies', got {self.form!r}")
@@ -356,8 +356,8 @@ class Batch(BatchArrays):
 
     def save(self, path: str | os.PathLike) -> None:
         """Writes the batch to a contact-batch file, in float64 and without room between environments; also the
-        reference, names and contact ids it was read with. A file of J and M holds A as well. Of bodies it holds what
-        as_jacobian() makes of them.
+        reference, names and contact ids it was read with. A file of J and M holds A as well. For bodies it holds the
+        result of as_jacobian().
         """
         if self.device != "cpu":
             raise ValueError(f"save: expected a batch on cpu, got one on {self.device}: copy its arrays to the host")

@@ -72,7 +72,7 @@ class BatchArrays:
         self.layout = Flat(np.ascontiguousarray(offsets), kinds, dims)
 
     def _rows(self, mu, R, lo, hi, groups, accuracy):
-        """What every row, cone and environment has beside the matrix."""
+        """Arrays of every row, cone and environment beside the matrix."""
         layout = self.layout
         self._integers({name: array for name, array in layout.integers.items()
                         if self.form == "delassus" or name != "row_counts"})

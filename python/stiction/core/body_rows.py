@@ -57,7 +57,7 @@ def check(batch):
 
 
 def jacobian_arguments(batch):
-    """What Batch.from_jacobian is to be called with, of a host batch of bodies: a tuple and a dict."""
+    """Returns the arguments of Batch.from_jacobian for a host batch of bodies: a tuple and a dict."""
     check(batch)
     dt, cfm = batch.stepping[0], batch.stepping[3]
     bodies, contacts = (as_numpy(name, batch._held[name]).astype(np.int64)

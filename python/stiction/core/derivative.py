@@ -85,9 +85,9 @@ class Derivative:
             means several losses at once. None: zeros. velocities is for batches of J and M.
         stream: as for Solver.solve.
 
-        Returns derivatives by A, b, R, mu, lo, hi, or by J, M, v_free, target, R, mu, lo, hi. Those of rows are shaped
-        as the rows, all others as the batch's arrays. The axis of several losses comes first. Entries of A and J are
-        independent; the derivative by M is symmetric.
+        Returns derivatives by A, b, R, mu, lo, hi, or by J, M, v_free, target, R, mu, lo, hi. Arrays of rows are
+        shaped as the rows, all others as the batch's arrays. The axis of several losses comes first. Entries of A and
+        J are independent; the derivative by M is symmetric.
         """
         self._check(batch)
         at, status = self._answer(batch, solution, status)
@@ -110,8 +110,8 @@ class Derivative:
 
         A, b, R, mu, lo, hi: changes of a batch of form 'delassus', shaped as the results of vjp. One more axis in front
             means several changes at once. None: zeros.
-        J, M, v_free, target, R, mu, lo, hi: the same of a batch of form 'jacobian'. Of M the symmetric part counts, of a
-        factor the lower triangle.
+        J, M, v_free, target, R, mu, lo, hi: the same of a batch of form 'jacobian'. The symmetric part of M counts,
+        and the lower triangle of a factor.
         """
         self._check(batch)
         own = {"R": R, "mu": mu, "lo": lo, "hi": hi}

@@ -6,7 +6,7 @@ from .. import _core
 
 
 class JacobianBodies:
-    """What `Batch.as_bodies` found. `batch` is of form "bodies". Its step is 1, so that its velocities are those of the
+    """Result of `Batch.as_bodies`. `batch` is of form "bodies". Its step is 1, so that its velocities are those of the
     batch of J and M, and its cfm is R.
     """
 

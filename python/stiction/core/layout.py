@@ -7,7 +7,7 @@ from .arrays import as_numpy, take
 
 #: Kinds of cones, by name; the numbers are those of batch files.
 KINDS = {"free": 0, "unilateral": 1, "box": 2, "friction": 3, "box_friction": 4, "semidefinite": 5}
-#: Those with a normal row and then rows with mu.
+#: Kinds with a normal row and then rows with mu.
 FRICTION_KINDS = ("friction", "box_friction")
 #: Status flag of an environment with more contacts than there was room for.
 FLAG_CONTACTS_DROPPED = 1 << 7
@@ -55,7 +55,7 @@ def default_dims(kinds):
 
 
 def offsets_of(sizes):
-    """Where parts of those sizes begin, and where the last one ends."""
+    """Returns where parts of those sizes begin, and where the last one ends."""
     out = np.zeros(len(sizes) + 1, np.int64)
     np.cumsum(sizes, out=out[1:])
     return out
@@ -110,7 +110,7 @@ def dense_rows(sizes):
 class Padded:
     """Arrays of fixed shape (environments, room, ...); counts say how much of the room is in use.
 
-    What is in use is read anew before every solve, so that the caller may change it in place.
+    Arrays in use are read anew before every solve, so that the caller may change them in place.
     """
 
     padded = True
@@ -152,7 +152,7 @@ class Padded:
             self._place(device, framework)
 
     def has(self, kind):
-        """Whether a cone is of that kind, by name."""
+        """True if a cone is of that kind, by name."""
         return bool((self._kinds == KINDS[kind]).any())
 
     def counted(self):

@@ -36,7 +36,7 @@ class AccuracyPolicy:
 
     @classmethod
     def preset(cls, name: str) -> "AccuracyPolicy":
-        """What a task wants: "navigation", "locomotion", "grasping" or "assembly"."""
+        """Accuracy by task: "navigation", "locomotion", "grasping" or "assembly"."""
         chosen = _core.preset(name)
         return cls.fixed(chosen["tolerance"], chosen["max_iterations"])
 

@@ -40,7 +40,7 @@ class Progress:
 
     @property
     def shown(self) -> bool:
-        """Whether there is a bar."""
+        """True if there is a bar."""
         return self._bar is not None
 
     def update(self, count=1):

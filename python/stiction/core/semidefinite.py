@@ -12,8 +12,8 @@ def _places(order):
 def semidefinite_vector(S):
     """Rows of symmetric matrices S (..., 2, 2) or (..., 3, 3): float64 (..., 3) or (..., 6).
 
-    They are the upper triangle column by column, off-diagonals times sqrt(2): (a11, s a12, a22, s a13, s a23, a33). So
-    the inner product of rows is that of matrices, the trace of their product. Only upper triangles are read.
+    They are the upper triangle column by column, off-diagonals times sqrt(2): (a11, s a12, a22, s a13, s a23, a33).
+    The inner product of rows is hence that of matrices, the trace of their product. Only upper triangles are read.
     """
     S = np.asarray(S, np.float64)
     if S.ndim < 2 or S.shape[-2:] not in ((2, 2), (3, 3)):

@@ -1,4 +1,4 @@
-"""What a solve returns."""
+"""Result of a solve."""
 
 from __future__ import annotations
 
@@ -148,7 +148,7 @@ class Solution:
 
     @property
     def solved(self) -> np.ndarray:
-        """Whether each environment reached its tolerance, bool (B,)."""
+        """True for each environment that reached its tolerance, bool (B,)."""
         return self.status["code"] == SOLVED
 
     def hash(self) -> str:

@@ -17,12 +17,12 @@ from .solution import SOLVERS, Solution
 from .statistics import Statistics, spans_by_kind
 
 
-#: What room may be asked for: counts, then what there is room for or not.
+#: Keys of a capacity: counts, then what there is room for or not.
 _COUNTS = ("envs", "rows", "cones", "nonzeros", "env_rows", "env_nonzeros", "env_dofs")
 _SWITCHES = ("wide", "semidefinite")
 
 
-#: What rules of a choice by spectrum hold (docs/howto/spectrum.md).
+#: Keys of the rules of a choice by spectrum (docs/howto/spectrum.md).
 _RULES = {"steps": whole, "direct_condition": number, "direct_rows": whole, "preconditioned_condition": number,
           "sparse_density": number, "keep": lambda name, value: bool(value), "direct": word, "preconditioned": word,
           "decomposed": word, "otherwise": word}
@@ -38,7 +38,7 @@ def _rules(spectrum):
 
 
 class SolverBase:
-    """What every solver has: options, statistics, a device and what is queued on it."""
+    """Base of every solver: options, statistics, a device and its queued work."""
 
     def __init__(self, solver=None, law=None, tolerance=None, max_iterations=None, threads=0, *, preset=None,
                  invalid="isolate", omega=1.0, stall_window=2000, islands="together", direct_rows=1024, callback=None,
@@ -81,13 +81,13 @@ class SolverBase:
         self._in_flight.clear()
 
     def stats(self) -> dict:
-        """What was solved since the solver was made. It has solves, environments and seconds (of solves, queueing
-        alone for those that were queued). warm_started are solves that were given a warm start, recorded are
-        environments written to files. Of the environments read it has codes, flags and solvers (count by name),
+        """Statistics of all solves since the solver was made. It has solves, environments and seconds (of solves,
+        queueing alone for those that were queued). warm_started are solves that were given a warm start, recorded are
+        environments written to files. For the environments read it has codes, flags and solvers (count by name),
         iterations and residual (quantiles over the last ones). With trace=True also `spans`: count and seconds of
         every kind of work, on the host and on the device by kernel and class of environments.
 
-        Of solves in device memory only the last one is read, and waited for.
+        In device memory only the last solve is read, and waited for.
         """
         found = self._statistics.stats()
         if self._tracer is not None:
@@ -110,7 +110,7 @@ class SolverBase:
                              "(Batch.from_bodies)")
 
     def _on_device(self, batch):
-        """Whether the batch lies in the memory of this solver's device, and not of the host."""
+        """True if the batch lies in the memory of this solver's device, and not of the host."""
         if not isinstance(batch, Batch):
             raise TypeError(f"batch: expected a stiction.Batch, got {type(batch).__name__}")
         name = next(iter(batch.arrays), "batch")
@@ -173,14 +173,15 @@ class Solver(SolverBase):
     asynchronous: sweeps of bodies by threads that wait for no colour, law "convex", on the CPU. No two runs need have
         equal bits (docs/math/si.md).
     choose: "spectrum" takes a solver for each environment by condition and density of its operator, of batches on the
-        host (docs/howto/spectrum.md). What falls short goes to "auto". spectrum: a dict of rules: thresholds and solvers.
+        host (docs/howto/spectrum.md). Environments that fall short go to "auto". spectrum: a dict of rules: thresholds
+        and solvers.
     direct_rows: rows of the largest environment that admm, newton, ipm and lemke take a matrix for, 1024 to 32768. It
         is for the CPU only, and not with "auto".
     capacity: dict of room to take at once on a GPU: envs, rows, cones, nonzeros, env_rows, env_nonzeros, env_dofs.
         Beside these, wide: room for double precision, the default; semidefinite: for cones of that kind, not by default.
     callback: called with a dict after every solve that is complete on return (stiction.monitor).
     record_failures: folder for environments that were not solved, as batch files for `stiction solve` and
-        `stiction replay`. Those of J and M, and of bodies as such, are written with J and M from host memory alone.
+        `stiction replay`. Batches of J and M, and of bodies as such, are written with J and M from host memory alone.
     trace: collect where the time goes, for stats() and write_trace(); no bit depends on it.
 
     Copied or pickled, a solver is one made anew by the same arguments. Statistics and device memory stay behind.

@@ -1,4 +1,4 @@
-"""What solves did: statistics, and files of what failed."""
+"""Statistics of solves, and files of failures."""
 
 import os
 import pathlib
@@ -47,7 +47,7 @@ class Statistics:
 
     @property
     def only_keeps(self):
-        """Whether keep() is all there is to do with a solve that is complete."""
+        """True if a complete solve needs keep() alone."""
         return self._folder is None and self._callback is None
 
     def keep(self, environments, seconds, is_warm, records, solves=1):

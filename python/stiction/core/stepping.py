@@ -182,7 +182,7 @@ class SteppingSolver(SolverBase):
 
     def stats(self) -> dict:
         """Solver.stats(), and warm_start_hits and warm_start_misses: contacts that started from a stored reaction,
-        and that did not. Of steps in device memory only the last one is counted.
+        and that did not. In device memory only the last step is counted.
         """
         if self._stream is not None:
             self._count(self._stream)

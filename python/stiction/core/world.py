@@ -26,7 +26,7 @@ _PIECES = 100
 
 
 def _numbers(owner, name, value, length):
-    """That many numbers as a tuple of floats."""
+    """Returns that many numbers as a tuple of floats."""
     try:
         numbers = tuple(float(number) for number in np.asarray(value, np.float64).reshape(-1))
     except (TypeError, ValueError):
@@ -245,9 +245,9 @@ class World:
         """Puts environments into another state and forgets their contacts.
 
         mask: bool or uint8 (B,), which ones; None: all.
-        position, orientation, twist: as of state(). What is not given stays as it is. If none is given, environments
-            begin as the description says. Quaternions are normalised. Of environments that are not chosen nothing is
-            read.
+        position, orientation, twist: as of state(). An argument that is not given stays as it is. If none is given,
+            environments begin as the description says. Quaternions are normalised. Nothing is read for environments
+            that are not chosen.
         """
         if mask is None:
             mask = np.ones(self.env_count, np.uint8)
@@ -295,7 +295,7 @@ class World:
 
     @property
     def solved(self) -> np.ndarray:
-        """Whether the last step of each environment reached the tolerance, bool (B,)."""
+        """True for each environment whose last step reached the tolerance, bool (B,)."""
         return self.status["code"] == SOLVED
 
     def contacts(self) -> WorldContacts:
@@ -303,8 +303,8 @@ class World:
         return WorldContacts(self)
 
     def motion(self) -> dict:
-        """What is conserved, or should be, summed in float64. kinetic, potential: energy (B,) [J]. momentum (B, 3)
-        [N s]. angular_momentum: about the origin (B, 3) [N m s].
+        """Quantities that are conserved, or should be, summed in float64. kinetic, potential: energy (B,) [J].
+        momentum (B, 3) [N s]. angular_momentum: about the origin (B, 3) [N m s].
         """
         all_ = np.zeros((self.env_count, 8))
         self._core.motion(_core.Array(all_))
@@ -316,7 +316,7 @@ class World:
         return f"{self._core.hash():016x}"
 
     def seconds(self) -> dict:
-        """Where the time of all steps went [s]: detect, plan, solve, integrate."""
+        """Time of all steps by part [s]: detect, plan, solve, integrate."""
         return self._core.seconds()
 
 

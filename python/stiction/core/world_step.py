@@ -17,10 +17,10 @@ class WorldStep:
         gradients = step.vjp(twist=loss_by_twist, position=loss_by_position)
         gradients.twist, gradients.wrench, gradients.friction
 
-    What is differentiated is the solution of the step's contact problem, restitution and stabilisation included, and
-    what the step does with it. The set of contacts is frozen; normals, arms, inertias and orientations are, too. So
-    `twist`, `wrench`, `friction`, `contact_mu` and `depth` are exact. `position` has what depths follow, and no more.
-    Exact means to the error of the solve: give the world a tolerance. Give contacts compliance (cfm > 0): a body on four
+    It differentiates the solution of the step's contact problem, restitution and stabilisation included, and its use
+    in the step. The set of contacts is frozen; normals, arms, inertias and orientations are, too. Hence `twist`,
+    `wrench`, `friction`, `contact_mu` and `depth` are exact. `position` has what depths follow, and no more. Exact
+    means to the error of the solve: give the world a tolerance. Give contacts compliance (cfm > 0): a body on four
     corners has no derivative otherwise, and is flagged "singular". There is no forward mode.
 
     wrench: as for World.step. residual_limit, tie_tolerance, max_unknowns, threads, kappa: as for Derivative. kappa [J]

@@ -19,7 +19,7 @@ def _between(values, limits):
 
 @dataclass
 class _Task:
-    """What the tasks share.
+    """Base of the tasks.
 
     Fields of mjData that a task reads are in `fields`; `state` is a dict of them, arrays (environments, ...).
     """
@@ -46,11 +46,11 @@ class _Task:
         self.dt = model.opt.timestep * self.frame_skip
 
     def place(self, state):
-        """Where the environments are, before and after a step [m]."""
+        """Positions of the environments, before and after a step [m]."""
         return state["qpos"][:, :1]
 
     def noise(self, rng, nq, nv):
-        """What a reset adds to positions and velocities."""
+        """Noise that a reset adds to positions and velocities."""
         scale = self.reset_noise_scale
         qpos = rng.uniform(low=-scale, high=scale, size=nq)
         if self.normal_velocities:
@@ -69,7 +69,7 @@ class _Task:
         return []
 
     def healthy(self, state):
-        """Whether each environment is upright, or None where the task does not ask."""
+        """True for each environment that is upright, or None if the task does not ask."""
         return None
 
     def costs(self, state, actions):

@@ -27,12 +27,12 @@ class MujocoVectorEnv(VectorEnv):
         observations, infos = envs.reset(seed=1)
         observations, rewards, terminations, truncations, infos = envs.step(actions)   # (1024, 8)
 
-    Environment i of reset(seed=s) is seeded with s + i, as in Gymnasium's vector environments. What it does depends on
+    Environment i of reset(seed=s) is seeded with s + i, as in Gymnasium's vector environments. Its results depend on
     its seed and its actions alone, bit for bit: not on num_envs, the others, or threads.
 
     shard: a stiction.distributed.Shard, for one of several processes. It says how many environments there are; num_envs
         is left out. The noise of their resets then follows the seed, the environment's global id and how many episodes
-        it has begun. So reset() takes one seed, the same on every rank.
+        it has begun. Hence reset() takes one seed, the same on every rank.
     name: the task, with or without "-v5". max_episode_steps: steps until truncation.
     autoreset_mode: AutoresetMode.NEXT_STEP, SAME_STEP (infos["final_obs"], infos["final_info"]) or DISABLED
         (reset(options={"reset_mask": mask})).

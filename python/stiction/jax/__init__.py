@@ -2,10 +2,10 @@
 
     lambda_, w, status = stiction.jax.solve(A, b, mu, law="coulomb")
 
-On the CPU it is an XLA custom call (jax.ffi) where the package was built beside JAX. Where it was not, and on other
-platforms, it is a host callback (jax.pure_callback). `uses_ffi` says which. Both run the same solver and return the
-same bits. The custom call follows its arguments' sharding by environments: each device solves what it has, and nothing
-is gathered. The callback gathers everything unless it is called inside jax.shard_map.
+On the CPU it is an XLA custom call (jax.ffi) where the package was built beside JAX. On other platforms, or if it was
+not, it is a host callback (jax.pure_callback). `uses_ffi` says which. Both run the same solver and return the same
+bits. The custom call follows its arguments' sharding by environments: each device solves what it has, and nothing is
+gathered. The callback gathers everything unless it is called inside jax.shard_map.
 """
 
 import functools
@@ -26,7 +26,7 @@ from . import derivative as derivatives
 from . import host
 from .host import How
 
-#: Whether `solve` is an XLA custom call on the CPU.
+#: True if `solve` is an XLA custom call on the CPU.
 uses_ffi = _core.jax_solve is not None
 if uses_ffi:
     jax.ffi.register_ffi_target("stiction_solve", _core.jax_solve, platform="cpu")
@@ -155,8 +155,8 @@ def solve(A, b, mu=0.0, R=0.0, lo=0.0, hi=0.0, *, cones="friction", law="convex"
     `has_derivative` says which.
 
     kappa > 0 takes the derivatives of the relaxed problem, so that open contacts pass some on (stiction.Derivative).
-    What is returned does not change. derivative="unrolled" takes those of exactly max_iterations sweeps of solver="pgs"
-    with tolerance=0, converged or not (Derivative.unrolled_vjp). They begin at reactions warm_start, like b (None: 0),
+    The results do not change. derivative="unrolled" takes those of exactly max_iterations sweeps of solver="pgs" with
+    tolerance=0, converged or not (Derivative.unrolled_vjp). They begin at reactions warm_start, like b (None: 0),
     which have derivatives, too. Both are in reverse and once, in a host callback, with the library's bits.
     """
     A, b = jnp.asarray(A), jnp.asarray(b)

@@ -1,5 +1,5 @@
 """Derivatives of `stiction.jax.solve`: how reactions and motion follow changes of a problem. They are written in JAX's own
-operations. So JAX can transpose them, batch them and differentiate them again.
+operations. JAX can hence transpose them, batch them and differentiate them again.
 
 They are the linear system of the modes (docs/math/derivative.md): with B = A + diag R and dbeta = dA lambda + dR lambda + db
 
@@ -101,8 +101,8 @@ def refuse(kinds):
 
 
 def _scaled(G):
-    """G with rows, then columns, divided by powers of two near their largest entries; those divisors' inverses. What a
-    pivot is small against then does not depend on mu, nor on other units of rows."""
+    """G with rows, then columns, divided by powers of two near their largest entries; those divisors' inverses. The
+    scale that a pivot is small against then does not depend on mu, nor on other units of rows."""
     def inverse(largest):
         return jnp.where(largest > 0, jnp.ldexp(jnp.ones_like(largest), -jnp.frexp(largest)[1]), 1)
 

@@ -1,4 +1,4 @@
-"""What `stiction.jax` runs on the host: solves, and derivatives that the library computes. Numbers are those of
+"""Host side of `stiction.jax`: solves, and derivatives that the library computes. Numbers are those of
 `stiction.jax.solve`, A (..., n, n) and b, mu, R, lo, hi (..., n); leading axes are environments.
 """
 
@@ -14,7 +14,7 @@ from ..core.solver import Solver
 
 
 class How(typing.NamedTuple):
-    """What a solve is told besides numbers."""
+    """Options of a solve besides numbers."""
 
     cones: str | tuple
     law: str

@@ -53,8 +53,8 @@ class Step:
         return w
 
     def weigh(self, law, candidates):
-        """What each of `candidates` (K, rows) is worth in each environment, the less the better. float64 (K, B): the
-        dual energy 1/2 c'(A + R)c + b'c under the convex law, the natural residual [w] under Coulomb's.
+        """Worth of each of `candidates` (K, rows) in each environment, the less the better. float64 (K, B): the dual
+        energy 1/2 c'(A + R)c + b'c under the convex law, the natural residual [w] under Coulomb's.
         """
         weights = np.empty((len(candidates), len(self)))
         self._packed.weigh(law, _core.Array(np.ascontiguousarray(candidates)), len(candidates), _core.Array(weights))
@@ -117,7 +117,7 @@ class Step:
             yield key, np.array([env for env, _ in members]), np.array(rows)
 
     def features(self, rows):
-        """What a table is given of rows (environments, n): b, last_b and last, each in that order."""
+        """Input of a table for rows (environments, n): b, last_b and last, each in that order."""
         return np.concatenate([self.b[rows], self.last_b[rows], self.last[rows]], axis=1)
 
 
@@ -142,8 +142,8 @@ class Memory:
         self.cone_env = np.where(known & mask[np.where(known, self.cone_env, 0)], -1, self.cone_env)
 
     def rows_of(self, step):
-        """The row here of each row of a step, -1 where its contact was not there. Of several with one id the first is
-        remembered and served.
+        """The row here of each row of a step, -1 where its contact was not there. Among several with one id the first
+        is remembered and served.
         """
         names, number = np.unique(np.concatenate([self.ids, step.ids]), return_inverse=True)
         key = np.concatenate([self.cone_env, step.cone_env]) * len(names) + number.reshape(-1)

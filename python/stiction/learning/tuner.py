@@ -5,7 +5,7 @@
     solution = solver.solve(batch)                          # every step
     tuner.save("tuner.json")                                # Tuner.load("tuner.json") is frozen
 
-What is learned reaches which solver answers, and so the bits. A tuner that learns reads a clock: its run cannot be
+The learned choice decides which solver answers, and so the bits. A tuner that learns reads a clock: its run cannot be
 repeated bit for bit. A frozen one chooses by the batch alone, and its runs can. Quality is no matter of trust: every
 environment's status says what was reached (docs/math/tuner.md).
 """
@@ -26,14 +26,14 @@ from ..core.solver import Solver
 
 __all__ = ["TunedSolver", "Tuner", "features"]
 
-#: What a context's numbers are, in order.
+#: Names of a context's numbers, in order.
 FEATURES = ("one", "log2 rows of an environment", "log2 environments", "log2 numbers of a row", "coulomb", "float64",
             "minus log10 tolerance")
 _FORMAT = "stiction-tuner"
 
 
 def features(batch: Batch, tolerance: float) -> np.ndarray:
-    """What of a batch the choice depends on: seven numbers of FEATURES, from its extents alone. No array is read, so
+    """Features of a batch for the choice: seven numbers of FEATURES, from its extents alone. No array is read, so
     memory of a device is not waited for.
     """
     tolerance = not_negative("tolerance", tolerance)
@@ -90,8 +90,8 @@ class Tuner:
         return int(np.argmax([model.reward(x) + width * model.doubt(x) for model in self._models]))
 
     def learn(self, context, choice: int, cost: float) -> None:
-        """What a choice cost in a context: a positive number, in whatever unit. Costs that are not finite are refused.
-        A tuner that is frozen or stopped learns nothing.
+        """Records the cost of a choice in a context: a positive number, in whatever unit. Costs that are not finite
+        are refused. A tuner that is frozen or stopped learns nothing.
         """
         x = self._context(context)
         if not 0 <= choice < len(self.choices):

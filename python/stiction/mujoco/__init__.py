@@ -59,7 +59,7 @@ class BatchedSimulation:
     last `clear`. Its keys are "smooth" (MuJoCo up to the solve), "assemble" (rows into the batch), "solve" and
     "advance" (answers back, sensors, the integrator).
 
-    Raises ValueError for what cannot be stepped so. That is RK4 with actuator states, plugins, delays, plasticity or
+    Raises ValueError for what cannot be stepped so. They are RK4 with actuator states, plugins, delays, plasticity or
     sleeping bodies, noslip iterations, incremental potentials (mjENBL_IPC), Python callbacks (mjcb_*).
     """
 
@@ -139,7 +139,7 @@ class BatchedSimulation:
 
     @property
     def starts_from_reactions(self):
-        """Whether solves start from the reactions of the step before, which are kept here and not in mjData."""
+        """True if solves start from the reactions of the step before, which are kept here and not in mjData."""
         return self._warm and not self._uses_mujoco and not self._core.starts_from_accelerations()
 
     # -- stepping -----------------------------------------------------------------------------------------------------
@@ -148,7 +148,7 @@ class BatchedSimulation:
         """Advances by nstep time steps, as mujoco.mj_step does. ctrl (n, nu): set before; None: left as it is.
         active: bool (n,), which simulations to step; None: all.
 
-        Ctrl-C ends a call of many steps, between two that all simulations have taken. Where MuJoCo itself gives up, for
+        Ctrl-C ends a call of many steps, between two that all simulations have taken. If MuJoCo itself gives up, for
         too small an arena, say, stiction.Error names the simulation; others may be some steps further then.
         """
         nstep = count_of(nstep)

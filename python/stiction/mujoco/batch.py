@@ -1,4 +1,4 @@
-"""What a BatchedSimulation has solved as a batch, and a BatchedSimulation made again."""
+"""Batch that a BatchedSimulation has solved, and a BatchedSimulation made again."""
 
 import mujoco
 import numpy as np

@@ -45,7 +45,7 @@ def other_options(model, ls_iterations=None, disable=0):
 
 
 def numbers_of(simulations, count):
-    """Those simulations, of so many, as a list; None: all. Raises TypeError or ValueError for what is no list of them."""
+    """List of those simulations, of so many; None: all. Raises TypeError or ValueError for what is no list of them."""
     if simulations is None:
         return list(range(count))
     if getattr(simulations, "dtype", None) == bool:

@@ -1,4 +1,4 @@
-"""Where the fields of MuJoCo's structures lie in memory, read from the MuJoCo that is installed.
+"""Positions of the fields of MuJoCo's structures in memory, read from the MuJoCo that is installed.
 
 The package describes its own C structures (mujoco.introspect). From that description the offsets follow by the rules
 of C. Every one that is used is checked against an array that MuJoCo's Python module shows at that place.
@@ -150,7 +150,7 @@ def _rotations(model):
 
 
 def place_of(model, data, name):
-    """Where mjData has the pointer to an array of numbers [bytes], and their shape. Raises LayoutError, ValueError."""
+    """Place of mjData's pointer to an array of numbers [bytes], and its shape. Raises LayoutError, ValueError."""
     array = None if name.startswith("efc_") else getattr(data, name, None)  # the number of rows is each one's own
     structure = _data()
     if (not isinstance(array, np.ndarray) or array.dtype != np.float64

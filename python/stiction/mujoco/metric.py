@@ -49,7 +49,7 @@ def effective_mass(model, data, add=None):
 
 
 class Metric:
-    """What `discrete` needs around a solve of many simulations of a model."""
+    """Work of `discrete` around a solve of many simulations of a model."""
 
     def __init__(self, model):
         self._model = model

@@ -89,7 +89,7 @@ class ConstraintSolver:
         return self.solution
 
     def _look(self):
-        """Whether there is anything to solve; memory for it, anew where MuJoCo Warp's is other memory."""
+        """Returns true if there is anything to solve; allocates anew if MuJoCo Warp's memory is other memory."""
         if self.data.njmax == 0 or self.model.nv == 0:
             return False
         memory = memory_of(self.model, self.data)
@@ -145,7 +145,7 @@ def solution_of(data) -> Solution | None:
     return None if known is None else known[1].solution
 
 
-#: Where data keeps its solver: an attribute that MuJoCo Warp does not know.
+#: Name of data's attribute with its solver, which MuJoCo Warp does not know.
 _KEPT = "_stiction_solver"
 
 

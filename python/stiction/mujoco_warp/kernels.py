@@ -1,5 +1,5 @@
-"""What `stiction.mujoco_warp` computes in Warp: MuJoCo Warp's rows as a batch, and answers back. One thread has one
-world, one row or one degree of freedom, and adds in a fixed order."""
+"""Warp kernels of `stiction.mujoco_warp`: MuJoCo Warp's rows as a batch, and answers back. One thread has one world,
+one row or one degree of freedom, and adds in a fixed order."""
 
 # No postponed annotations: Warp reads them.
 import warp as wp
@@ -78,7 +78,7 @@ def fill_rows(row_count: wp.array[int], efc_type: wp.array2d[int], efc_id: wp.ar
               frictionloss: wp.array2d[float], contact_friction: wp.array2d[float], contact_row: wp.array2d[int],
               # outputs
               R: wp.array2d[float], mu: wp.array2d[float], lo: wp.array2d[float], hi: wp.array2d[float]):
-    """What a row has beside J and its target."""
+    """Numbers of a row beside J and its target."""
     world, row = wp.tid()
     if row >= row_count[world]:
         return
@@ -187,7 +187,7 @@ def write_states(nefc: wp.array[int], row_count: wp.array[int], efc_type: wp.arr
                  frictionloss: wp.array2d[float],
                  # outputs
                  force: wp.array2d[float], state: wp.array2d[int]):
-    """Where each row's force lies in its cone. Rows that were left out have none."""
+    """Place of each row's force in its cone. Rows that were left out have none."""
     world, row = wp.tid()
     if row >= wp.min(nefc[world], force.shape[1]):
         return
@@ -260,7 +260,7 @@ def hold_forces(row_count: wp.array[int], efc_type: wp.array2d[int], efc_id: wp.
                 contact_row: wp.array2d[int], force: wp.array2d[float],
                 # outputs
                 held: wp.array2d[float]):
-    """Forces that noslip leaves as they are: all but friction. Of a pair of edges it is half their sum, on each."""
+    """Forces that noslip leaves as they are: all but friction. For a pair of edges it is half their sum, on each."""
     world, row = wp.tid()
     if row >= row_count[world]:
         return

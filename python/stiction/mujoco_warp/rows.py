@@ -12,7 +12,7 @@ from ..core.solution import CODES, Solution
 from . import kernels
 
 _SOLVED, _NUMERICAL = CODES.index("solved"), CODES.index("numerical")
-#: What of MuJoCo Warp's overflow bits means that contacts are missing from a world's rows.
+#: Overflow bits of MuJoCo Warp by which contacts are missing from a world's rows.
 _LOST = int(types.OverflowType.NJMAX_NNZ | types.OverflowType.CCD | types.OverflowType.HFIELD)
 
 
@@ -23,7 +23,7 @@ def words_of(status):
 
 
 def memory_of(model, data):
-    """What a batch is made of: it holds as long as this does not change."""
+    """Arrays that a batch is made of: it holds as long as they do not change."""
     efc, contact = data.efc, data.contact
     arrays = (efc.J, efc.aref, efc.force, data.qacc, data.qacc_smooth, contact.friction)
     return (tuple(array.ptr for array in arrays), int(model.opt.integrator),
@@ -48,7 +48,7 @@ class _Layout:
         """Its numbers are written before each solve."""
 
     def has(self, kind):
-        """Whether there may be cones of a kind: those that MuJoCo's rows are."""
+        """True if there may be cones of a kind: those that MuJoCo's rows are."""
         return kind in ("free", "unilateral", "box", "friction")
 
     def rows_of(self, env):
@@ -157,8 +157,8 @@ class Rows:
                         [self.M])
 
     def write(self, words, more=False):
-        """What follows from forces and accelerations. words: of the status of the solve that found them; more: its
-        iterations add to those that are there."""
+        """Computes the results of forces and accelerations. words: of the status of the solve that found them; more:
+        its iterations add to those that are there."""
         model, data, efc = self.model, self.data, self.data.efc
         self.launch(kernels.judge_numbers, data.nworld, [data.qacc, _SOLVED, _NUMERICAL], [words])
         self.launch(kernels.write_states, self._per_row,

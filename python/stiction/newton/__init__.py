@@ -33,7 +33,7 @@ class SolverStiction(newton.solvers.SolverBase):
     """Steps articulations and free bodies of a Newton model in reduced coordinates. Contacts are rigid, with friction
     by the law that is asked for.
 
-    model: on the CPU. What the solver lacks is refused by a ValueError that names it.
+    model: on the CPU. A feature that the solver lacks is refused by a ValueError that names it.
     law: "coulomb", exact friction, or "convex", as MuJoCo's and Drake's.
     solver, max_iterations, threads: as of stiction.Solver.
     tolerance: on each world's residual, divided by the largest velocity that its contacts and limits have to change.
@@ -45,8 +45,8 @@ class SolverStiction(newton.solvers.SolverBase):
         for instance). Else its bodies get the velocities that the solve returned, which may be NaN.
     ignore: what of MuJoCo's own in the model to step without, as "mujoco:actuator" of an MJCF file; else it is refused.
 
-    Attributes: solver, the stiction.Solver, with stats(). Of the last step: status, failed, and batch and solution, for
-    stiction.verify.
+    Attributes: solver, the stiction.Solver, with stats(). Results of the last step are status, failed, and batch and
+    solution, for stiction.verify.
     """
 
     if hasattr(newton.solvers.SolverBase, "ObservableKind"):  # not in Newton 1.6, which Isaac Lab 3.0.0 asks for

@@ -1,5 +1,5 @@
-"""What `stiction.newton` computes in Warp: motion without contact, rows of contacts, steps of joints. One thread has
-one articulation, contact or joint, reads nothing of another one's and adds in a fixed order."""
+"""Warp kernels of `stiction.newton`: motion without contact, rows of contacts, steps of joints. One thread has one
+articulation, contact or joint, reads nothing of another one's and adds in a fixed order."""
 
 # No postponed annotations: Warp reads them.
 import newton
@@ -57,7 +57,7 @@ def joint_forces(joint_type: wp.array[int], joint_parent: wp.array[int], joint_X
         d = first + i
         at = joint_q_start[j] + i
         q = wp.float64(joint_q[at])
-        # What a feature that is switched off aims at is not read: it may be anything, and 0 times infinity is NaN.
+        # Targets of a feature that is switched off are not read: they may be anything, and 0 times infinity is NaN.
         spring = wp.float64(stiffness[d])
         if spring != wp.float64(0.0):
             force[d] = force[d] + spring * (wp.float64(rest_q[at]) - q)
@@ -186,7 +186,7 @@ def along(J: wp.array3d[float], a: int, link: int, column: int, linear: wp.vec3,
 @wp.func
 def loose_motion(body: int, articulation: int, body_qd: wp.array[wp.spatial_vector], linear: wp.vec3,
                  angular: wp.vec3):
-    """That of a body that no joint moves and that its owner does."""
+    """Motion of a body that its owner moves, and no joint does."""
     s = wp.float64(0.0)
     if body >= 0 and articulation < 0:
         v = body_qd[body]
@@ -255,7 +255,7 @@ def contact_rows(which: wp.array[int], row_start: wp.array[int], entry_start: wp
             linear = wp.vec3(0.0, 0.0, 0.0)
             angular0 = axis
             angular1 = axis
-        # What bodies contribute whose motion is given; and, of the normal row, the speed at the start of the step.
+        # Adds the part of bodies whose motion is given; and, of the normal row, the speed at the start of the step.
         given = loose_motion(b1, a1, body_qd, linear, angular1) - loose_motion(b0, a0, body_qd, linear, angular0)
         speed = given
         free = wp.float64(0.0)
@@ -345,7 +345,7 @@ def move_joints(joint_type: wp.array[int], joint_child: wp.array[int], joint_q_s
                 velocity: wp.array[wp.float64], dt: wp.float64, good_q: wp.array[float], good_qd: wp.array[float],
                 # outputs
                 joint_q_new: wp.array[float], joint_qd_new: wp.array[float]):
-    """Coordinates of a joint after a step of the velocity that the solve has found. Those of held worlds are the last
+    """Coordinates of a joint after a step of the velocity that the solve has found. Forces of held worlds are the last
     good ones."""
     j = wp.tid()
     q0 = joint_q_start[j]

@@ -10,7 +10,7 @@ from ..core.layout import offsets_of
 
 _TYPES = newton.JointType
 _TAKEN = (_TYPES.FIXED, _TYPES.PRISMATIC, _TYPES.REVOLUTE, _TYPES.BALL, _TYPES.FREE, _TYPES.D6)
-#: What a model may have beside rigid bodies, and what Newton calls it.
+#: Features that a model may have beside rigid bodies, and Newton's names of them.
 _COUNTS = (("particle_count", "particles"), ("spring_count", "springs"), ("tri_count", "triangles of cloth"),
            ("tet_count", "tetrahedra"), ("muscle_count", "muscles"), ("tendon_count", "tendons"),
            ("attachment_particle_body_count", "attachments of particles to bodies"))
@@ -103,7 +103,7 @@ def springs_of(model):
 
 
 class Structure:
-    """Where articulations, bodies and degrees of freedom of each world lie. A world is an environment of the batch; a
+    """Offsets of each world's articulations, bodies and degrees of freedom. A world is an environment of the batch; a
     model without worlds is one environment."""
 
     def __init__(self, model, ignore=()):

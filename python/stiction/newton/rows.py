@@ -11,7 +11,7 @@ from .model import NO_LIMIT
 
 #: Change of velocity [m/s or rad/s] within which a limit is a row. A faster one is corrected in the next step.
 _REACH = 20.0
-#: What a solve in float64 can reach, relative to max |b|.
+#: Residual that a solve in float64 can reach, relative to max |b|.
 _LEAST_TOLERANCE = 1e-13
 _LOWER, _UPPER, _DRY, _CONTACT = range(4)  # the order of a world's rows
 _CONE = np.array([KINDS["unilateral"], KINDS["unilateral"], KINDS["box"], KINDS["friction"]], np.uint8)
@@ -176,8 +176,8 @@ class Rows:
         return found
 
     def _previous(self):
-        """Which contact of the last solve each one was, -1: none. Where the same buffer has Newton's matching, what
-        that says; where it says nothing, the contact with that number of the same pair of shapes."""
+        """Which contact of the last solve each one was, -1: none. With Newton's matching in the same buffer, its
+        entry; if that is empty, the contact with that number of the same pair of shapes."""
         contacts, which = self._contacts, self._which
         by_shapes = self._by_shapes()
         if contacts is not self._last_contacts:
@@ -197,7 +197,7 @@ class Rows:
         return np.where(self._last_keys[place] == self._keys, place, -1)
 
     def keep(self, impulses, dt):
-        """Keeps the impulses of this step. Those of worlds without a usable answer are zero."""
+        """Keeps the impulses of this step. Rows of worlds without a usable answer are zero."""
         joints = np.zeros((3, self._structure.dof_count))
         joints[self._classes, self._dofs] = impulses[self._joint_row]
         contacts, which = self._contacts, self._which

@@ -25,7 +25,7 @@ def _text(x, y, text, kind="", anchor="start"):
 
 
 def bars(label, values, unit="") -> str:
-    """Horizontal bars of {name: number}, in their order. What is not finite has no bar."""
+    """Horizontal bars of {name: number}, in their order. Values that are not finite have no bar."""
     largest = max([value for value in values.values() if value is not None], default=0) or 1
     body, room = [], _WIDTH - _LEFT - 90
     for i, (name, value) in enumerate(values.items()):

@@ -46,8 +46,8 @@ class Recorder:
     connect: address of a viewer of Rerun's (rerun+http://...) instead of a path.
     port: of the page that viser serves, or the next one that is free.
     envs: how many environments are drawn, from the first; or a list of which.
-    force_scale: length of an arrow by force [m/N]. None: the weight of an environment is twice as long as it is wide. Of
-        a batch the largest reaction of an environment is half as long as the distance between cones.
+    force_scale: length of an arrow by force [m/N]. None: the weight of an environment is twice as long as it is wide.
+        In a batch the largest reaction of an environment is half as long as the distance between cones.
     slip_scale: length of an arrow by speed [s]. spacing: between environments [m]. None: so that none touch.
 
     Raises ImportError where the backend is missing, ValueError for a path that it does not write. A recorder records one
@@ -101,7 +101,7 @@ class Recorder:
     # -- worlds and simulations ---------------------------------------------------------------------------------------
 
     def _begin(self, subject):
-        """What stays: shapes, and where environments are drawn."""
+        """Logs the constants of a view: shapes, and where environments are drawn."""
         if self._source is not None:
             raise ValueError("subject: expected the one that this recorder has logged before: make another recorder")
         self._source, self._subject = _source_of(subject), subject

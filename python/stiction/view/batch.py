@@ -1,4 +1,4 @@
-"""What is drawn of a batch: its cones beside each other, in their own axes, since a batch has no places of contacts."""
+"""Drawing of a batch: its cones beside each other, in their own axes, since a batch has no places of contacts."""
 
 import numpy as np
 
@@ -39,7 +39,7 @@ class BatchSource:
             self.simulation = np.arange(self.env_count) - np.repeat(first, np.diff(np.r_[first, self.env_count]))
 
     def name(self, env) -> str:
-        """What the file calls an environment."""
+        """Name of an environment in the file."""
         return self._names[env] if env < len(self._names) else f"environment {env}"
 
     def cones(self, env):
@@ -51,7 +51,7 @@ class BatchSource:
         return integers["cone_kind"][first:first + count], integers["cone_row_offsets"][first:first + count + 1]
 
     def width(self) -> float:
-        """Of the largest environment's grid, about."""
+        """Width of the largest environment's grid, about."""
         counts = [len(self.cones(env)[0]) for env in range(self.env_count)]
         return _SPACING * float(np.ceil(np.sqrt(max(counts, default=1))))
 

@@ -1,4 +1,4 @@
-"""What is drawn of one environment: places of bodies, contacts, forces, slip, islands. NumPy alone, for every backend."""
+"""Drawing of one environment: places of bodies, contacts, forces, slip, islands. NumPy alone, for every backend."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Contacts(NamedTuple):
         return cls(*(np.zeros((0, *shape)) for shape in ((3,), (3, 3), (3,), (2,), (3,))), np.zeros(0, int))
 
     def finite(self) -> Contacts:
-        """Those whose numbers are all finite."""
+        """Returns those whose numbers are all finite."""
         keep = np.ones(len(self.point), bool)
         for array in self[:5]:
             keep &= np.isfinite(array).all(axis=tuple(range(1, array.ndim)))
@@ -131,7 +131,7 @@ def cone_lines(contacts, scale):
 
 
 def places(count, spacing):
-    """Where environments are drawn beside each other (count, 3) [m]."""
+    """Places at which environments are drawn beside each other (count, 3) [m]."""
     columns = int(np.ceil(np.sqrt(max(count, 1))))
     index = np.arange(count)
     return np.stack([index % columns * spacing, index // columns * spacing, np.zeros(count)], axis=1)

@@ -1,4 +1,4 @@
-"""What is drawn of a stiction.mujoco.BatchedSimulation."""
+"""Drawing of a stiction.mujoco.BatchedSimulation."""
 
 import mujoco
 import numpy as np

@@ -14,7 +14,7 @@ _OPACITY = 0.6  # of bodies, since contacts lie on and within them
 _PAUSE = 0.5  # from one environment of a batch to the next, whose steps have no time [s]
 _SAID = {"title": "{}", "residual": "residual {:.1e}", "iterations": "{:.0f} iterations", "slip": "slip {:.2g} m/s"}
 
-#: What makes a node that moves, from its first properties.
+#: Function that makes a node that moves, from its first properties.
 _MAKERS = {
     "frame": lambda scene, name, own: scene.add_frame(name, show_axes=False, **own),
     "points": lambda scene, name, own: scene.add_point_cloud(name, point_shape="circle", precision="float32", **own),

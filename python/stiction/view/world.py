@@ -1,4 +1,4 @@
-"""What is drawn of a stiction.World."""
+"""Drawing of a stiction.World."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""What a recording is made of, for every backend: a frame becomes points, arrows, lines and numbers here, once."""
+"""Parts of a recording, for every backend: a frame becomes points, arrows, lines and numbers here, once."""
 
 import abc
 
@@ -30,7 +30,7 @@ class Writer(abc.ABC):
 
     @abc.abstractmethod
     def place(self, path, position, above):
-        """Where an environment is drawn, once for all times. above: a point above it, in its own axes."""
+        """Place at which an environment is drawn, once for all times. above: a point above it, in its own axes."""
 
     @abc.abstractmethod
     def geometry(self, path, shape, plane_size, is_ground):
@@ -42,7 +42,7 @@ class Writer(abc.ABC):
 
     @abc.abstractmethod
     def move(self, path, position, orientation):
-        """Where a body is, and its quaternion (w, x, y, z); both are finite."""
+        """Place of a body, and its quaternion (w, x, y, z); both are finite."""
 
     @abc.abstractmethod
     def points(self, path, positions, colour, radius, values):
@@ -77,7 +77,7 @@ class Writer(abc.ABC):
             self.scalar(path, float(value))
 
     def body(self, path, position, orientation):
-        """Where a body is, if that is finite."""
+        """Place of a body, if that is finite."""
         if np.isfinite(position).all() and np.isfinite(orientation).all():
             self.move(path, position, orientation)
 

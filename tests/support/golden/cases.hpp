@@ -64,7 +64,7 @@ inline const GoldenCases& golden_cases() {
   return all;
 }
 
-/// Those of one form that the table has.
+/// Returns the table's cases of one form.
 inline GoldenCases golden_cases_of(const std::string& form) {
   GoldenCases cases;
   for (const GoldenCase& row : golden_cases())

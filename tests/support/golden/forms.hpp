@@ -57,7 +57,7 @@ std::uint64_t jacobian_hash(const JacobianSolution<Real>& solution) {
       .value();
 }
 
-/// What assemble() makes, on the CPU whatever the device, and what a solve of the form answers.
+/// Adds the results of assemble(), on the CPU whatever the device, and of a solve of the form.
 inline void add_jacobian_goldens(GoldenCases& cases) {
   for (const GoldenJacobian& form : kGoldenJacobians) {
     const std::string name = std::string("jacobian/") + form.name;

@@ -135,7 +135,7 @@ inline ContactBatch<double> half_boxed(const ContactBatch<double>& batch) {
   return ContactBatch<double>::from_arrays(batch.law(), std::move(arrays));
 }
 
-/// Boxed friction. Where all is boxed, no law of the batch reaches a bit, and nsgs visits as pgs does. Beside friction
+/// Boxed friction. If all is boxed, no law of the batch reaches a bit, and nsgs visits as pgs does. Beside friction
 /// cones both count.
 inline void add_box_friction_goldens(GoldenCases& cases) {
   for (const std::size_t k : {0, 2, 4}) {

@@ -92,7 +92,7 @@ void expect_all(const JacobianBatchView<Real>& batch, const Answer<Real>& answer
   for (Offset env = 0; env < packed.env_count; ++env) expect_env(batch, answer, env, packed, expected);
 }
 
-/// What JacobianSolver is made of, on a device of the test's.
+/// Parts of JacobianSolver, on a device of the test's.
 template <class Real>
 struct Machine {
   Machine(const std::shared_ptr<cuda::DeviceApi>& device, const JacobianCapacity& capacity, FactorUse use,

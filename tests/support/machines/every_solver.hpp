@@ -15,7 +15,7 @@ inline const std::vector<SolverKind> kEveryChoice = [] {
   return choices;
 }();
 
-/// Whether an iteration costs a factorisation, or may.
+/// Returns true if an iteration costs a factorisation, or may.
 inline bool is_costly(SolverKind solver) {
   return solver == SolverKind::automatic || factorises(solver);
 }
@@ -38,7 +38,7 @@ ContactBatch<Real> batch_for(SolverKind solver, const ContactBatch<double>& batc
   return convert<Real>(solver == SolverKind::lemke ? linearise(small, 4).batch : small);
 }
 
-/// So few that nothing costly takes long, and pivots for lemke, whose iterations are cheap.
+/// Returns so few that nothing costly takes long, and pivots for lemke, whose iterations are cheap.
 inline Index few_iterations(SolverKind solver, Index cheap) {
   return is_costly(solver) && solver != SolverKind::lemke ? 4 : cheap;
 }

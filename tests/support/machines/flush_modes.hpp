@@ -8,7 +8,7 @@
 #include <cstdint>
 #endif
 
-/// What this processor can do to subnormals, and IEEE-754 does not: bits of MXCSR (SSE) or of FPCR (AArch64).
+/// Modes of this processor for subnormals that IEEE-754 does not have: bits of MXCSR (SSE) or of FPCR (AArch64).
 namespace stiction::test {
 
 #if defined(__SSE2__)

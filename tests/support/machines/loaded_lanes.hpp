@@ -56,7 +56,7 @@ class Lanes {
         64);
     auto* const memory =
         reinterpret_cast<Real*>((reinterpret_cast<std::uintptr_t>(memory_.data()) + 63) & ~std::uintptr_t{63});
-    // What was not written must not be missed: it is no number.
+    // Numbers that were not written must not be missed: they are NaN.
     for (Offset k = elements; k < static_cast<Offset>(memory_.size()) - 64; ++k)
       memory[k] = std::numeric_limits<Real>::quiet_NaN();
     for (Offset k = 0; k < elements; ++k) memory[k] = 0;
@@ -131,7 +131,7 @@ inline void hold_first_row(Environment<double>& env) {
   env.b[0] = opens ? 1000 : 0;
 }
 
-/// Of one layout or of several, in order and not, stored in full and not.
+/// Returns environments of one layout or of several, in order and not, stored in full and not.
 inline std::vector<Environment<double>> guests(bool alike) {
   std::vector<Environment<double>> envs;
   constexpr ConeOrder kOrders[] = {ConeOrder::friction_last, ConeOrder::friction_first, ConeOrder::shuffled};

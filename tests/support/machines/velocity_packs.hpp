@@ -120,8 +120,8 @@ inline Answers<double> solve_with_large_sets(const JacobianBatch<double>& batch,
   });
 }
 
-/// As many as fill a pack of the build's vectors, in which steps of Number go. Of two environments the library makes
-/// none: of three it makes one and leaves one over.
+/// As many as fill a pack of the build's vectors, in which steps of Number go. The library makes none of two
+/// environments: of three it makes one and leaves one over.
 template <class Number, class Real>
 Answers<Real> solve_in_packs(const cpu::Isa& isa, const JacobianBatch<Real>& batch, const std::vector<Offset>& order,
                              double tolerance, const JacobianStart<Real>& start = {}) {

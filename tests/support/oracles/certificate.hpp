@@ -7,8 +7,8 @@
 
 #include "stiction/batch.hpp"
 
-/// Whether a reaction is a solution, decided by the law itself in extended precision. lambda is in its cone, motion in
-/// the dual cone, one orthogonal to the other. Shares no formula with the natural map.
+/// Decides if a reaction is a solution, by the law itself in extended precision. lambda is in its cone, motion in the
+/// dual cone, one orthogonal to the other. Shares no formula with the natural map.
 namespace stiction::test {
 
 /// Each is the largest over all cones, relative to the size of what it compares.

@@ -29,7 +29,7 @@ inline std::uint64_t priority(const Pair& pair) {
   return x ^ (x >> 31);
 }
 
-/// What is present, and everything derived by brute force from the definitions.
+/// Present contacts, and everything derived by brute force from the definitions.
 struct GraphOracle {
   std::map<Index, BodyRole> bodies;
   std::map<std::uint64_t, GraphContact> contacts;

@@ -13,7 +13,7 @@ namespace stiction::test {
 ///
 /// Let A + R be symmetric positive semidefinite, and let (lambda, w) and (lambda', w') have errors e and e'
 /// (docs/math/residual.md). Pairs that obey the law are no further away: a row's reaction by p_k, its motion by q_k.
-/// Pairs that obey a convex law are monotone. Let d = lambda - lambda' and g = w - w'. So (g - q)'(d - p) <= 0, and
+/// Pairs that obey a convex law are monotone. Let d = lambda - lambda' and g = w - w'. Hence (g - q)'(d - p) <= 0, and
 /// norm(g)^2 <= L g'd, L a bound on the largest eigenvalue. norm(g) is at most the larger root of
 ///
 ///     g^2 = L (g norm(p) + norm(q) norm(d) + norm(p) norm(q)).
@@ -43,7 +43,7 @@ inline MotionBound motion_bound(const ContactBatchView<double>& batch, Offset en
       double row_sum = batch.R[row];
       for (Offset k = batch.row_offsets[row]; k < batch.row_offsets[row + 1]; ++k) row_sum += std::abs(batch.A[k]);
       largest_row = std::max(largest_row, row_sum);
-      // What an axis without friction does is no part of the law.
+      // An axis without friction is no part of the law.
       if (is_axis && !(batch.mu[row] > 0)) continue;
       const double unit = is_axis ? axis_unit(d_n, of.diagonal) : 1.0;
       const double g = of.motion - batch.b[row], d = change[static_cast<std::size_t>(row - first)];

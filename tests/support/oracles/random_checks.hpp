@@ -14,13 +14,13 @@
 #include "tests/support/systems/random_systems.hpp"
 #include "tests/support/systems/small_systems.hpp"
 
-/// What must hold for any solver on any well-posed system, as text: empty, or the first thing that did not.
+/// Checks of any solver on any well-posed system, as text: empty, or the first thing that did not hold.
 namespace stiction::test {
 
 /// Every run draws another seed, and rapidcheck prints it: RC_PARAMS="seed=... max_success=60" repeats a run.
 inline const int kCases = setenv("RC_PARAMS", "max_success=60", 0);
 
-/// Where lambda leaves its cones by more than rounding.
+/// Says if lambda leaves its cones by more than rounding.
 inline std::string cone_violation(const Environment<double>& env, const std::vector<double>& lambda) {
   std::ostringstream out;
   std::size_t row = 0;
@@ -71,7 +71,7 @@ inline std::string answer_violation(const Environment<double>& env, Law law, con
   return out.str();
 }
 
-/// Where a solution exists that the solver is able to find: empty if it says so.
+/// Returns empty text if the solver reports a solution, which exists and which it is able to find.
 inline std::string unsolved_text(const Solution<double>& solution) {
   const EnvStatus& status = solution.status[0];
   if (status.code == EnvCode::solved) return {};
@@ -104,7 +104,7 @@ inline std::string convex_violation(const Environment<double>& env, const Solver
 ///
 /// How far a residual r lets w stray:
 ///
-/// * The convex map is Lipschitz with the condition number in circular coordinates. That is 9 / 0.03^2 = 1e4 for mu of
+/// * The convex map is Lipschitz with the condition number in circular coordinates. This is 9 / 0.03^2 = 1e4 for mu of
 ///   0.03 to 0.3 and a condition of 9.
 /// * de Saxce's fixed point contracts by 0.9, which adds a factor 1 / (1 - 0.9).
 /// * w_t = y_t / mu adds 1 / 0.03.

@@ -41,7 +41,7 @@ class RelaxedOracle {
     return v;
   }
 
-  /// Those of numbers nearby, with the exchange rates and the rounding of this environment.
+  /// Solves for numbers nearby, with the exchange rates and the rounding of this environment.
   [[nodiscard]] std::vector<double> solve_near(const Environment<double>& env, std::vector<double> v) const {
     if (!newton(env, v, kappa_, 1e-13)) return {};
     return v;
@@ -82,7 +82,7 @@ class RelaxedOracle {
     return v;
   }
 
-  /// What is zero at the solution; `is_inside` tells whether everything is inside.
+  /// Returns the vector that is zero at the solution; `is_inside` tells if everything is inside.
   std::vector<double> defect(const Environment<double>& env, const std::vector<double>& v, double level,
                              bool& is_inside) const {
     std::vector<double> f(v.size());
@@ -185,7 +185,7 @@ class RelaxedOracle {
         length *= 0.5;
       }
       is_inside = true;
-      // What roundings allow.
+      // Bound that roundings allow.
       if (!is_better) return size(f) < 10 * small * (1.0 + std::sqrt(level));
     }
     return false;

@@ -38,7 +38,7 @@ inline double axis_unit(double d_n, double d_k) {
 /// Let u be the unit roundoff. A row's w = b + R lambda + A lambda is a sum of k + 2 terms. Whatever its order, fused
 /// or not, it errs by at most (k + 3) u S with S = abs(b) + (R + abs(A)) abs(lambda). (Higham, Accuracy and Stability
 /// of Numerical Algorithms, 2nd ed., 3.1.) The distance from a member of the law's graph takes such an error over once.
-/// It rounds x and y itself, in sums of 2 m squares and some twenty operations. Where a contact slides, the direction
+/// It rounds x and y itself, in sums of 2 m squares and some twenty operations. For a sliding contact, the direction
 /// of its motion turns by that error over its speed. The reaction's distance changes by as much of its size. A speed
 /// below that is no more than the distance from sticking. Two evaluations err twice all that.
 inline double residual_rounding(const ContactBatchView<double>& batch, Offset env, const std::vector<double>& lambda) {

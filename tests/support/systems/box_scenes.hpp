@@ -46,8 +46,8 @@ struct BlockSystem {
   [[nodiscard]] BlockMatrix matrix() { return {pattern(), values.data()}; }
 };
 
-/// H of a scene with compliance R on every contact. Of `sliding` in a hundred contacts the second tangent is let go, of
-/// as many more all three axes are.
+/// H of a scene with compliance R on every contact. In `sliding` of a hundred contacts the second tangent is let go,
+/// in as many more all three axes are.
 inline BlockSystem box_matrix(const BoxScene& scene, double compliance, unsigned sliding = 0) {
   using Block36 = std::array<double, kBlockEntries>;
   std::map<std::pair<Index, Index>, Block36> blocks;
@@ -66,7 +66,7 @@ inline BlockSystem box_matrix(const BoxScene& scene, double compliance, unsigned
     Point w{1.0 / compliance, 1.0 / compliance, 1.0 / compliance};
     if (chance < sliding) w[1] = 0.0;
     if (chance >= sliding && chance < 2 * sliding) w = {0.0, 0.0, 0.0};
-    // Of each side the velocity of the contact's point, (I, -[arm]x), with its sign.
+    // Velocity of the contact's point on each side, (I, -[arm]x), with its sign.
     std::array<std::array<double, 18>, 2> J{};
     const std::array<Index, 2> bodies{contact.a, contact.b};
     for (std::size_t side = 0; side < 2; ++side) {

@@ -62,7 +62,7 @@ Changes<Real> jvp(const ContactBatchView<Real>& batch, const std::vector<Real>& 
   return to;
 }
 
-/// What a loss says of every number: uniform in [-1, 1].
+/// Returns a loss's derivatives by every number: uniform in [-1, 1].
 template <class Real = double>
 std::vector<Real> random_numbers(std::size_t count, std::uint64_t seed) {
   scenes::Rng rng(seed);

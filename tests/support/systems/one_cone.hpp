@@ -29,7 +29,7 @@ struct OneCone {
   [[nodiscard]] Real block_entry(Index, int i, int j) const {
     return B[static_cast<std::size_t>(i)][static_cast<std::size_t>(j)];
   }
-  /// What load_system.hpp does for a cone.
+  /// Does for a cone what load_system.hpp does.
   void set_steps() {
     const Real whole = largest_eigenvalue_bound<M, 0>(*this, 0);
     const Real tangential = max_(largest_eigenvalue_bound<M, 1>(*this, 0), whole * Real(kSmallestTangential));
@@ -38,7 +38,7 @@ struct OneCone {
   }
 };
 
-/// What a random block is like.
+/// Recipe of a random block.
 struct ConeRecipe {
   double mu = 1;        ///< largest
   double spread = 1;    ///< largest over smallest mu

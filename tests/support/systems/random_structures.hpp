@@ -139,7 +139,7 @@ inline Integers with_room(const ContactBatchView<double>& batch, std::mt19937& r
   }
   wide.cone_row_offsets.push_back(wide.env_row_offsets.back());
   wide.nonzeros = wide.row_offsets.back();
-  // Where there is room for entries there is an array, though nothing may lie in it.
+  // If there is room for entries there is an array, though nothing may lie in it.
   if (wide.column.empty()) wide.column.push_back(-5);
   return wide;
 }

@@ -10,7 +10,7 @@
 /// Worlds of all kinds of shapes in random places, some of them hopeless.
 namespace stiction::test {
 
-/// What a random world is made of.
+/// Parts of a random world.
 struct RandomWorld {
   int bodies = 60;
   double spread = 1;      ///< half width of the cube that bodies begin in [m]
@@ -57,7 +57,7 @@ struct Poses {
   std::vector<Real> position, orientation, twist;
 };
 
-/// Where the description puts the bodies, turned at random; two of them in one place.
+/// Returns the description's bodies, turned at random; two of them in one place.
 template <class Real>
 Poses<Real> random_poses(const WorldDescription& world, const RandomWorld& what, std::mt19937_64& random) {
   constexpr double kInf = std::numeric_limits<double>::infinity(), kNan = std::numeric_limits<double>::quiet_NaN();

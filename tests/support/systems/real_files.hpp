@@ -118,7 +118,7 @@ inline std::vector<Unsolved> all_of(const std::vector<Offset>& envs, const char*
   return result;
 }
 
-/// Where a file of the shared data is.
+/// Returns the path of a file of the shared data.
 inline std::filesystem::path shared_file(const std::string& name) {
   return shared_folder() / "data" / name;
 }

@@ -47,8 +47,8 @@ inline void thin_out(JacobianEnvironment<double>& env) {
 }
 
 /// A Jacobian batch in arrays that may have room. There are `room` rows and as many cones for each environment, with
-/// counts (0: as many as there are, without). At the end of every array are `behind` entries. What is not in use is
-/// NaN.
+/// counts (0: as many as there are, without). At the end of every array are `behind` entries. Numbers that are not in
+/// use are NaN.
 template <class Real>
 struct RoomyJacobians {
   std::vector<Offset> env_row_offsets, env_cone_offsets, env_dof_offsets, env_mass_offsets, cone_row_offsets,

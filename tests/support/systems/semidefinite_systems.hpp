@@ -15,7 +15,7 @@ inline Environment<double>::Cone semidefinite(Index rows) {
   return {ConeKind::semidefinite, rows, -1};
 }
 
-/// What such a system is made of.
+/// Recipe of such a system.
 struct MatrixRecipe {
   std::uint64_t seed = 0;
   int matrices = 3;    ///< cones of 3 and of 6 rows in turn

@@ -97,7 +97,7 @@ inline bool factorises(SolverKind solver) {
   return cuda::emulated_kernels().solvers.at(static_cast<std::size_t>(solver)).workspace.is_direct();
 }
 
-/// Those that iterate with cheap iterations and take every environment.
+/// Solvers that iterate with cheap iterations and take every environment.
 inline const std::vector<SolverKind> kAllSolvers = [] {
   std::vector<SolverKind> solvers(kEverySolver.begin(), kEverySolver.end());
   std::erase_if(solvers, factorises);

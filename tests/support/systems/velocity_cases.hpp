@@ -193,7 +193,7 @@ inline JacobianEnvironment<double> in_form(const JacobianEnvironment<double>& en
   return form == MassForm::factor ? with_factor(env, mass_block) : env;
 }
 
-/// What of J is not zero, in stored entries.
+/// Keeps the numbers of J that are not zero, in stored entries.
 inline void store_nonzeros(JacobianEnvironment<double>& env) {
   const std::size_t dofs = env.v_free.size();
   std::vector<double> values;

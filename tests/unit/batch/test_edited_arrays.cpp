@@ -1,4 +1,4 @@
-// What a caller may do to its own arrays between a plan and a solve, or by giving one array twice.
+// Changes that a caller may make to its own arrays between a plan and a solve, or one array given twice.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

@@ -9,8 +9,8 @@
 #include "tests/support/systems/jacobian_systems.hpp"
 #include "tests/support/systems/random_systems.hpp"
 
-// What hostile callers hand over: arrays that are not there are refused by name, whatever InvalidPolicy says of the
-// numbers in them.
+// Views of hostile callers: arrays that are not there are refused by name, whatever InvalidPolicy says of the numbers
+// in them.
 namespace stiction::test {
 namespace {
 
@@ -126,7 +126,7 @@ TEST(CopiesToTheHost, HaveFactorsAndASharedMu) {
   EXPECT_EQ(copy.arrays().mu, (std::vector<double>{0, 0.5, 0.5, 0, 0.25, 0.25})) << "normal rows have none";
 }
 
-// What a C program may put into a capacity: three times as many numbers must not wrap around.
+// Capacities of a C program: three times as many numbers must not wrap around.
 TEST(HostileCapacities, OfSteppedBodiesAreRefused) {
   for (const Offset contacts : {Offset{-1}, std::numeric_limits<Offset>::min(), std::numeric_limits<Offset>::max()}) {
     EXPECT_THAT(error_message([&] {

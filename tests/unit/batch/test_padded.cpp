@@ -31,7 +31,7 @@ std::vector<Environment<double>> environments() {
   return all;
 }
 
-/// Those environments in padded arrays; every place that is not in use holds NaN.
+/// Environments in padded arrays; every place that is not in use holds NaN.
 struct Padded {
   PaddedLayout<double> layout;
   std::vector<double> A, b, R, mu, lo, hi;

@@ -181,7 +181,7 @@ TEST(Bodies, ResidualVelocitiesAndMotionAgreeWithTheAssembledSystem) {
       }
 }
 
-/// Where the answer is unique in velocities (convex law with compliance), another solver finds the same ones.
+/// If the answer is unique in velocities (convex law with compliance), another solver finds the same ones.
 TEST(Bodies, VelocitiesAgreeWithTheContactSolver) {
   TimeStepping stepping;
   stepping.cfm = 1e-4;

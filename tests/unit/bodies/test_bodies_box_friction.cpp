@@ -1,5 +1,5 @@
-// Boxed friction of bodies: answers by hand, by enumeration of all states, and by the matrix of the same bodies. What
-// refuses it; hostile numbers.
+// Boxed friction of bodies: answers by hand, by enumeration of all states, and by the matrix of the same bodies.
+// Refusals; hostile numbers.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -109,7 +109,7 @@ TEST(BodiesBoxFriction, EnumerationOfAllStatesFindsTheSameImpulses) {
       (bound <= 0 ? open : bounds == 0 ? inside : bounds == 1 ? at_a_bound : corners) += 1;
     }
   }
-  // So many of each, or the enumeration has not seen the law.
+  // At least so many of each, or the enumeration has not seen the law.
   EXPECT_GE(unique, 50);
   EXPECT_GE(std::min({inside, at_a_bound, corners, open}), 5)
       << inside << " inside, " << at_a_bound << " at a bound, " << corners << " in a corner, " << open << " open";

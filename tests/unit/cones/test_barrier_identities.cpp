@@ -45,7 +45,7 @@ std::vector<Number> newton_step(const Lcp& lcp, Step kind, const std::vector<dou
   return oracle::detail::solve_linear(matrix, right).value_or(std::vector<Number>{});
 }
 
-/// Whether damped steps from x = w = 1 come to the solution: max |min(x, A x + b)| <= 1e-8 within 100.
+/// Returns true if damped steps from x = w = 1 come to the solution: max |min(x, A x + b)| <= 1e-8 within 100.
 bool is_solved_by(const Lcp& lcp, Step kind) {
   const std::size_t n = lcp.n();
   std::vector<double> x(n, 1.0), w(n, 1.0);

@@ -109,7 +109,7 @@ std::vector<std::array<double, 2>> friction_edges(int sides) {
   return edges;
 }
 
-/// Whether a unit mass with normal reaction 1 is held by the pyramid against a pull at an angle; asks `lemke`.
+/// Returns true if the pyramid holds a unit mass with normal reaction 1 against a pull at an angle; asks `lemke`.
 bool is_held(int sides, double pull, double angle) {
   const auto env = contact({1, 1, 1}, {-1, pull * std::cos(angle), pull * std::sin(angle)}, kMu);
   const auto original = batch_of({env});

@@ -10,16 +10,16 @@
 #include "stiction/residual.hpp"
 #include "tests/support/systems/random_lcp.hpp"
 
-// Formulas of the textbook chapter the project grew from, where their printed form is wrong. What the library does
-// agrees with the corrected form and disagrees with the printed one. Letters are those of
-// README.md beside this file. Here: (a) the step, (b) Lemke's tableau, (j) quadratic programmes, (k) islands.
+// Formulas of the textbook chapter the project grew from, where their printed form is wrong. The library's results
+// agree with the corrected form and disagree with the printed one. Letters are those of README.md beside this file.
+// Here: (a) the step, (b) Lemke's tableau, (j) quadratic programmes, (k) islands.
 
 namespace {
 
 using namespace stiction;
 using namespace stiction::test;
 
-/// What a step starts from and which entries its sum takes.
+/// Start of a step and entries of its sum.
 enum class Form { from_lambda_whole_sum, from_zero_without_diagonal, printed };
 
 /// One sweep of lambda_i <- max(0, start - (b_i + sum) / A_ii).
@@ -60,7 +60,7 @@ TEST(ChapterFormulas, SweepsOfPgsAreThoseOfTheTwoFormsAndNotOfTheirMixture) {
   scenes::Rng rng(1);
   int solved_as_printed = 0, other_after_two = 0;
   for (int trial = 0; trial < 200; ++trial) {
-    // So well conditioned that each sweep is the best so far, which is what a solve returns.
+    // The matrix is so well conditioned that each sweep is the best so far, which is what a solve returns.
     const Lcp lcp = random_lcp(rng, 5, 5, 2.0);
     for (const int sweeps : {1, 2, 7}) {
       const std::vector<double> lambda = answer(lcp, SolverKind::pgs, 0, sweeps);

@@ -266,7 +266,7 @@ TEST(Semidefinite, OnADeviceTheEnvironmentIsFlagged) {
   }
 }
 
-// Of the methods that project jacobi alone takes boxed friction, too: that is where auto comes to.
+// Only jacobi of the methods that project takes boxed friction, too: that is where auto comes to.
 TEST(Semidefinite, BesideBoxedFrictionJacobiAnswers) {
   MatrixRecipe recipe;
   recipe.seed = 5;

@@ -125,7 +125,7 @@ TEST(RelaxedRow, IsTheOneByHandOpenPressedAndAtOnset) {
     EXPECT_NEAR(found.b[0], (b / root - 1) / (2 * kA), 1e-14) << b;
     EXPECT_NEAR(found.R[0], own * found.b[0], 1e-14) << b;
     EXPECT_NEAR(found.A[0], own * found.b[0], 1e-14) << b;
-    // Of the exact problem an open contact passes nothing on.
+    // An open contact of the exact problem passes nothing on.
     EXPECT_EQ(vjp(batch.view(), lambda, {1.0}, {}).b[0], b < 0 ? -1 / kA : 0.0) << b;
   }
 }
@@ -291,7 +291,7 @@ TEST_P(RelaxedDerivative, ThroughAFactorIsThatOfTheMatrix) {
   EXPECT_NEAR(dot(own.factor, dY), along, 1e-8 * (1 + std::abs(along)));
 }
 
-/// Where contacts begin the exact derivative jumps. The relaxed one is continuous.
+/// The exact derivative jumps where contacts begin. The relaxed one is continuous.
 TEST(RelaxedRow, DoesNotJumpWhereAContactBegins) {
   const auto slope = [](double b, double kappa) {
     const Environment<double> env = contact({1.0, 1.0, 1.0}, {b, 0.3, 0.0}, 0.5);
@@ -340,7 +340,7 @@ TEST(RelaxedOptions, OutOfRangeIsRefusedByName) {
   EXPECT_EQ(said(1e-3), "");
 }
 
-/// What is refused at kappa = 0 is refused, and gets zeros; an environment beside it keeps its bits.
+/// Refusals at kappa = 0 hold, with zeros; an environment beside one keeps its bits.
 TEST(RelaxedOptions, WhatHasNoDerivativeGetsZerosAndChangesNoOther) {
   const Environment<double> sound = problem(3);
   const std::vector<double> lambda = exact(sound, Law::convex);

@@ -16,7 +16,7 @@ namespace {
 using namespace stiction;
 using namespace stiction::test;
 
-/// What the library's own sweeps return.
+/// Returns the result of the library's own sweeps.
 std::vector<double> swept(const Environment<double>& env, Law law, const std::vector<double>& guess, Index sweeps,
                           double omega = 1.0) {
   SolverOptions own = options(SolverKind::pgs, 0.0, sweeps);
@@ -104,8 +104,8 @@ std::vector<double> motion(const Environment<double>& env, const std::vector<dou
   return w;
 }
 
-/// The largest error against central differences, for each parameter. Where the two one-sided differences differ,
-/// sweeps are not smooth; such a change is counted and left out.
+/// The largest error against central differences, for each parameter. Sweeps are not smooth if the two one-sided
+/// differences differ; such a change is counted and left out.
 struct Comparison {
   double worst[7] = {};
   int used = 0, left_out = 0;

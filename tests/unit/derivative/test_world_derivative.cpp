@@ -15,7 +15,7 @@ namespace {
 using namespace stiction;
 using namespace stiction::test;
 
-/// Where all environments of a world begin.
+/// Start of all environments of a world.
 struct Begin {
   std::vector<double> position, orientation, twist, wrench;
 };
@@ -135,7 +135,7 @@ TEST(WorldDerivative, IsThatOfDifferencesOfTheStep) {
     }
 }
 
-/// Of a ball on a plane without friction only the depth counts, and so all of the step is differentiated.
+/// Only the depth of a ball on a plane without friction counts, and so all of the step is differentiated.
 TEST(WorldDerivative, ByPositionIsExactWhereDepthsAreAll) {
   WorldDescription description;
   add_floor(description, 0.0);

@@ -41,7 +41,7 @@ MatrixXd symmetric_part(MatrixXd A) {
   return A;
 }
 
-/// What must hold however few the steps: estimates from the right side, errors that are bounds, the size of the error.
+/// Properties after however few steps: estimates from the right side, errors that are bounds, the size of the error.
 void expect_bounds(const OperatorAnalysis& seen, const Values& values) {
   const std::size_t n = values.size();
   const double largest = values.back(), smallest = values[n - static_cast<std::size_t>(seen.rank)];

@@ -25,8 +25,8 @@ double extreme(const MatrixXd& A, Spectra::SortRule end) {
   return std::fabs(solver.eigenvalues()[0]);
 }
 
-/// Where both iterations converged, which as Rayleigh quotients leaves e^2 over the gap to the next value for an error
-/// bound of e. Spectra rounds by 2^-52 of the largest value, a row.
+/// Compares where both iterations converged, which as Rayleigh quotients leaves e^2 over the gap to the next value for
+/// an error bound of e. Spectra rounds by 2^-52 of the largest value, a row.
 void expect_like_spectra(const ContactBatchView<double>& batch, Offset env) {
   SCOPED_TRACE("environment " + std::to_string(env));
   const OperatorAnalysis seen = analyse_one(batch, env, 5000);

@@ -71,7 +71,7 @@ ContactGraph chain(Index n) {
 }
 
 // In random order the manifold at distance j along a chain can only depend on a change if all in between fall in
-// priority. That has probability 1/(j+1)!. Both ways, and the manifold itself: at most 1 + 2 (e - 2) = 2.44 on
+// priority. It has probability 1/(j+1)!. Both ways, and the manifold itself: at most 1 + 2 (e - 2) = 2.44 on
 // average.
 TEST(ContactGraph, AChangeInALongChainRecolorsAFewManifoldsWhateverItsLength) {
   for (const Index n : {100, 3000}) {

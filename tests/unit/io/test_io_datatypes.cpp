@@ -162,7 +162,7 @@ TEST_F(IoDatatypes, NamesBeyondTheMessageAreNotFollowed) {
   EXPECT_THAT(refusal_of(bytes), HasSubstr("dataset 'b' has a header message that ends too early"));
 }
 
-/// Where the message of that head begins: version 1 headers put type (2), size (2), flags (1) and zeros before it.
+/// Beginning of that head's message: version 1 headers put type (2), size (2), flags (1) and zeros before it.
 std::size_t message_at(const std::string& bytes, const std::string& head) {
   const std::size_t at = bytes.find(head);
   EXPECT_NE(at, std::string::npos) << "no such message in the file";

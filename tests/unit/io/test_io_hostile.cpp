@@ -30,7 +30,7 @@ Outcome outcome_of(const std::string& bytes, Read read) {
   }
 }
 
-/// What a caller does next with what was read, so that arrays that do not fit one another are noticed.
+/// Does what a caller does next with a batch, so that arrays that do not fit one another are noticed.
 void read_and_use(const InputFile& file) {
   const Recording recording = read_any(file);
   if (validate(recording.batch.view()).empty()) asymmetry(recording.batch.view());
@@ -164,7 +164,7 @@ TEST_F(IoHostile, ChunkSizesThatHdf5WouldDivideByAreRefused) {
   }
 }
 
-/// Where zlib streams of the level that the writer uses begin.
+/// Returns the beginnings of zlib streams of the level that the writer uses.
 std::vector<std::size_t> packed_chunks(const std::string& bytes) {
   std::vector<std::size_t> places;
   for (std::size_t at = bytes.find("\x78\x5e"); at != std::string::npos; at = bytes.find("\x78\x5e", at + 1)) {

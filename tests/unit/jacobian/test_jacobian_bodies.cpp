@@ -117,7 +117,7 @@ TEST(JacobianBodies, RowsAndContactsAreEachOthersInverse) {
             std::string::npos);
 }
 
-/// What is no body says so, with its place.
+/// Arrays that are no body are named, with their place.
 TEST(JacobianBodies, OtherThingsAreNamed) {
   const auto message = [](const std::function<void(Env&)>& change) {
     Env env = boxes(scenes::box_tower(3));

@@ -82,7 +82,7 @@ TEST(Verify, ABoxWithoutBoundsIsAFreeRow) {
 }
 
 // A = I, b = (-2, 3, 0), mu = 1/2. Coulomb: lambda_n = 2 keeps w_n = 0, the contact slides along +t and is braked by
-// mu lambda_n = 1. So lambda = (2, -1, 0), w = (0, 2, 0). For the convex law that is no solution: there w_n = mu
+// mu lambda_n = 1. Hence lambda = (2, -1, 0), w = (0, 2, 0). For the convex law that is no solution: there w_n = mu
 // norm(w_t), so with lambda = (n, -n/2, 0): n - 2 = (3 - n/2) / 2, n = 2.8.
 TEST(Verify, SlidingSolvesOneLawAndNotTheOther) {
   auto environment = one_cone(ConeKind::friction, {1, 1, 1}, {-2, 3, 0});

@@ -35,7 +35,7 @@ Environment<double> rows_joined(int rows, std::vector<std::pair<Index, Index>> e
   return env;
 }
 
-/// What the body says on so many lanes; shapes as the host's.
+/// Returns the body's result on so many lanes; shapes as the host's.
 Islands islands_by_body(const ContactBatchView<double>& batch, Index lanes) {
   Islands islands{std::vector<Index>(at(batch.cone_count)), std::vector<Index>(at(batch.env_count))};
   for (Offset env = 0; env < batch.env_count; ++env) {

@@ -207,7 +207,7 @@ TEST(Plan, DenseConesAreSortedByKindAndRowsStably) {
             (std::vector<Index>{0, 0, 1, 2, 0, 0, 1}));
 }
 
-// Rows: 3, 4, 3, 3. Of the 3-row environments the one with more free cones comes first, then more unilateral ones,
+// Rows: 3, 4, 3, 3. Among the 3-row environments the one with more free cones comes first, then more unilateral ones,
 // equal shapes by index.
 TEST(Plan, DenseEnvironmentsComeLargestFirstWithEqualShapesTogether) {
   const auto three_unilateral = environment_of(std::vector<ConeSpec>(3, {ConeKind::unilateral, 1}), {});

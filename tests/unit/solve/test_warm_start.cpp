@@ -19,7 +19,7 @@ namespace {
 
 using ::testing::HasSubstr;
 
-/// What one environment should be served: a map by id, written from the description in warm_start.hpp.
+/// Expected guesses of one environment: a map by id, written from the description in warm_start.hpp.
 template <class Real>
 class Oracle {
  public:

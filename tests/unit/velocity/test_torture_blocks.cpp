@@ -10,7 +10,7 @@
 #include "tests/support/systems/box_jacobians.hpp"
 #include "tests/support/systems/roomy_jacobians.hpp"
 
-/// What environments in blocks may meet: no friction, heavy beside light, redundant rows, rows without effect, numbers
+/// Torture of environments in blocks: no friction, heavy beside light, redundant rows, rows without effect, numbers
 /// that are none.
 namespace {
 

@@ -26,8 +26,8 @@ JacobianBatch<double> batch_of(const std::vector<JacobianEnvironment<double>>& e
   return batch;
 }
 
-/// One contact of mu = 1/2 under a body of mass 1 that would move with (-2, 3, 0), and a limit that is far away. That
-/// is one row more than degrees of freedom.
+/// One contact of mu = 1/2 under a body of mass 1 that would move with (-2, 3, 0), and a limit that is far away. It is
+/// one row more than degrees of freedom.
 JacobianEnvironment<double> pressed_and_sliding() {
   JacobianEnvironment<double> env;
   env.cones = {friction(3), unilateral()};

@@ -1,4 +1,4 @@
-// What a caller of World may rely on: resets, wrenches, capacity, broken environments, refusals.
+// Behaviour that a caller of World may rely on: resets, wrenches, capacity, broken environments, refusals.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

@@ -3,8 +3,8 @@
 #include "core/algorithm/linear/block/block_product.hpp"
 #include "core/job/multigrid_view.hpp"
 
-/// Which coarse body each body moves with. Aggregates come from the graph of all contacts. Where a contact is open the
-/// graph has an edge and H has nothing. What H does not hold together should not be made to move as one.
+/// Which coarse body each body moves with. Aggregates come from the graph of all contacts. An open contact is an edge
+/// of the graph, and H has nothing there. Bodies that H does not couple should not be made to move as one.
 namespace stiction::inline STICTION_ISA {
 
 /// Two bodies are held together if |H_ij|^2 > kHeldPart |H_ii| |H_jj|, in norms of Frobenius. (Vanek, Mandel and

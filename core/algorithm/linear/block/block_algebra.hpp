@@ -2,7 +2,7 @@
 
 #include "core/algorithm/linear/block/block_diagonal.hpp"
 
-/// What factorisations do with single 6 x 6 blocks. Every entry is summed by one lane in ascending order.
+/// Operations of factorisations on single 6 x 6 blocks. Every entry is summed by one lane in ascending order.
 namespace stiction::inline STICTION_ISA {
 
 /// K = a block of H, or zero for a block that H does not have.

@@ -20,7 +20,7 @@ STICTION_HD void store(const double (&from)[M], double* to, Index row) {
 /// Doubles of the cones' blocks for every row.
 inline constexpr Index kConeBlockWorkspace = kMaxConeRows;
 
-/// Where the cone at `row` has its block.
+/// Returns the block of the cone at `row`.
 STICTION_HD double* cone_block(double* blocks, Index row) {
   return blocks + static_cast<Offset>(row) * kConeBlockWorkspace;
 }

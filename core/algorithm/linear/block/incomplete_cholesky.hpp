@@ -5,8 +5,8 @@
 namespace stiction::inline STICTION_ISA {
 
 /// Incomplete Cholesky factorisation on H's own pattern, IC(0) by blocks (Meijerink and van der Vorst 1977): the plan
-/// has no fill. Where a pivot is lost it begins again with H's diagonal enlarged (Manteuffel 1980). A level is one
-/// phase of the triangular solves, and neighbours that follow each other make long runs of small levels: for CPUs.
+/// has no fill. After a lost pivot it begins again with H's diagonal enlarged (Manteuffel 1980). A level is one phase
+/// of the triangular solves, and neighbours that follow each other make long runs of small levels: for CPUs.
 struct IncompleteCholesky {
   /// A pivot below this part of the diagonal entry that it is left of is the rounding of what was subtracted.
   static constexpr double kLostPivot = 0x1p-44;

@@ -6,7 +6,7 @@
 /// Rows of A + diag R times a vector of doubles, without a matrix: for environments of any size.
 namespace stiction::inline STICTION_ISA {
 
-/// Whether a system has such rows. A dense one is never too large for matrices.
+/// True if a system has such rows. A dense one is never too large for matrices.
 template <class System>
 inline constexpr bool kMultipliesWide = false;
 template <class Real>
@@ -14,13 +14,13 @@ inline constexpr bool kMultipliesWide<SparseSystem<Real>> = true;
 template <class Real>
 inline constexpr bool kMultipliesWide<FactorSystem<Real>> = true;
 
-/// Whether its A is kept as Y Y'.
+/// True if its A is kept as Y Y'.
 template <class System>
 inline constexpr bool kHasVelocity = false;
 template <class Real>
 inline constexpr bool kHasVelocity<FactorSystem<Real>> = true;
 
-/// What all rows share: nothing, or the velocity Y' v.
+/// Computes what all rows share: nothing, or the velocity Y' v.
 template <Team TeamT, class Real>
 STICTION_HD void prepare_wide_product(TeamT&, const SparseSystem<Real>&, const double*) {}
 template <Team TeamT, class Real>

@@ -3,7 +3,7 @@
 #include "core/team/phases.hpp"
 
 /// A dense symmetric matrix of doubles, factored and solved by a team. Every entry is updated by one lane in an order
-/// given by the columns alone. So the bits do not depend on how many lanes there are.
+/// given by the columns alone. The bits hence do not depend on how many lanes there are.
 namespace stiction::inline STICTION_ISA {
 
 /// A square matrix, column by column.

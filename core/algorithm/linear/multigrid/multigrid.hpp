@@ -76,8 +76,8 @@ struct Multigrid {
  private:
   /// More than there can be: each level has at most half the coupled bodies of the one before.
   static constexpr Index kMostLevels = 32;
-  /// Of the largest eigenvalue's inverse: the damping that makes the worst rough error of a prolongation smallest
-  /// (Vanek, Mandel and Brezina 1996, section 2).
+  /// Factor of the largest eigenvalue's inverse: the damping that makes the worst rough error of a prolongation
+  /// smallest (Vanek, Mandel and Brezina 1996, section 2).
   static constexpr double kProlongationDamping = 4.0 / 3.0;
   /// No contact has more than two bodies, so J'WJ is at most twice its diagonal blocks, and M + J'WJ as well. Rigid
   /// prolongations make contacts of at most two coarse bodies of them.

@@ -19,7 +19,7 @@ struct GridLevel {
   double* position;  ///<                        (3 rows)
 };
 
-/// Where a hierarchy's numbers lie in one array of doubles.
+/// Layout of a hierarchy's numbers in one array of doubles.
 struct MultigridMemory {
   MultigridView plan;
   double* memory = nullptr;

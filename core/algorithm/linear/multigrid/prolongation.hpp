@@ -25,7 +25,7 @@ STICTION_HD void rigid_block(const double* position, const double* coarse, doubl
   T[16] = 0.0 - x;
 }
 
-/// What prolongations are made from: a level, its matrix, and positions of its bodies and of the coarse ones.
+/// Inputs of prolongations: a level, its matrix, and positions of its bodies and of the coarse ones.
 struct RigidMotions {
   MultigridLevel level;
   BlockMatrix H;

@@ -11,8 +11,8 @@ inline constexpr Index kSweeps = 2;
 
 /// Damping factors of the two sweeps whose product of errors is the Chebyshev polynomial of degree two on [bound / 8,
 /// bound] (Saad 2003, section 12.3.2). Its zeros are theta +- delta / sqrt 2, theta = 9/16 bound and delta = 7/16
-/// bound. Its absolute value is below 1 from 0 to 9/8 bound. So an eigenvalue may be that much above the bound before
-/// a cycle ceases to be positive definite.
+/// bound. Its absolute value is below 1 from 0 to 9/8 bound. An eigenvalue may therefore be that much above the bound
+/// before a cycle ceases to be positive definite.
 struct SweepWeights {
   double weight[kSweeps];
 };

@@ -18,7 +18,7 @@ STICTION_HD void relative_motion(const SpaceContact& contact, const double* twis
   rows[2] = dot(u, contact.frame.t2);
 }
 
-/// What the reaction to a motion u, which holds the shift, is the projection of.
+/// Computes the vector whose projection is the reaction to a motion u, which holds the shift.
 STICTION_HD void unprojected(const SpaceContact& contact, const double (&u)[3], double compliance, double (&z)[3]) {
   const double whole = compliance + contact.prox_weight;
   for (int k = 0; k < 3; ++k) z[k] = div_(fma_(contact.prox_weight, contact.prox_center[k], 0.0 - u[k]), whole);
@@ -130,7 +130,7 @@ STICTION_HD_OUTLINE double body_curvature(TeamT& team, const SpaceWorkspace& wor
   });
 }
 
-/// What a contact adds to slope and curvature at a place of the line.
+/// Returns a contact's part of slope and curvature at a place of the line.
 STICTION_HD LinePoint look_along(const SpaceContact& contact, double compliance, double alpha) {
   double u[3];
   for (int k = 0; k < 3; ++k) u[k] = fma_(alpha, contact.along[k], contact.u[k]);
@@ -183,8 +183,8 @@ STICTION_HD double slope_terms(const SpaceContact& contact, double compliance, d
   return sum;
 }
 
-/// What rounding makes of a slope that is zero: 4 eps times the sum of the magnitudes it is made of. A stiff contact
-/// answers to the rounding of its motion as it does to motion.
+/// Rounding of a slope that is zero: 4 eps times the sum of the magnitudes it is made of. A stiff contact answers to
+/// the rounding of its motion as it does to motion.
 template <Team TeamT>
 STICTION_HD_OUTLINE double slope_noise(TeamT& team, const SpaceWorkspace& workspace, double compliance) {
   const double sum = sum_leaves<double>(team, [&](Index leaf) {

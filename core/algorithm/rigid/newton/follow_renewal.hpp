@@ -57,7 +57,7 @@ STICTION_HD void turn_followed_stiffness(SpaceContact& contact, const FollowedCo
   turn_stiffness(contact, W, div_(1.0, followed.whole));
 }
 
-/// What the shift has become after the motion has changed by d.
+/// Returns the shift after the motion has changed by d.
 STICTION_HD double followed_shift(const SpaceContact& contact, const FollowedContact& followed, double compliance,
                                   const double (&d)[3]) {
   double x[3] = {fma_(followed.sigma[2], d[2], fma_(followed.sigma[1], d[1], d[0])), d[1], d[2]};
@@ -94,8 +94,8 @@ STICTION_HD void finish_renewal(const SpaceWorkspace& workspace, SpaceContact& c
 }
 
 /// The first step after a renewal: the new problem as it would be if no contact changed how it is held, sliding or
-/// open. What moves with weights and shifts is linear then, and needs no line search; what the step overlooks is left
-/// to the next. With sliding, shifts follow the velocities within the step, which makes it one of Newton's method on
+/// open. The motion by weights and shifts is linear then, and needs no line search; what the step overlooks is left to
+/// the next. With sliding, shifts follow the velocities within the step, which makes it one of Newton's method on
 /// Coulomb's law itself. Without, they become what they should have been before it.
 template <Team TeamT>
 STICTION_HD_OUTLINE void follow_renewal(TeamT& team, const SpaceWorkspace& workspace, const BodySpaceOptions& space,

@@ -79,7 +79,7 @@ STICTION_HD_OUTLINE void load_space_contacts(TeamT& team, const BodyEnv<Real>& e
   });
 }
 
-/// Where bodies are, if contacts touch: arms lead from the lowest body of every island to all others.
+/// Positions of bodies if contacts touch: arms lead from the lowest body of every island to all others.
 template <Team TeamT>
 STICTION_HD_OUTLINE void place_bodies(TeamT& team, const SpaceWorkspace& workspace) {
   const NewtonStream& stream = workspace.stream;
@@ -103,7 +103,7 @@ STICTION_HD_OUTLINE void place_bodies(TeamT& team, const SpaceWorkspace& workspa
   }
 }
 
-/// What a sub-step begins with.
+/// Prepares a sub-step.
 template <Team TeamT, class Real, Law kLaw>
 STICTION_HD_OUTLINE void enter_space(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw>& s,
                                      const SiParams& params, const SpaceWorkspace& workspace) {

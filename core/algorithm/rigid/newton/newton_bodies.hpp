@@ -23,7 +23,7 @@ STICTION_HD_OUTLINE bool take_newton_step(TeamT& team, const SpaceWorkspace& wor
   for_each(team, workspace.contacts,
            [&](Index p) { relative_motion(workspace.contact[p], workspace.step, workspace.contact[p].along); });
   const double noise = slope_noise(team, workspace, compliance);
-  // The slope at the beginning is that of the system that was solved. So d'Hd > 0 even where rounding or a direction
+  // The slope at the beginning is that of the system that was solved. Hence d'Hd > 0 even if rounding or a direction
   // that nothing can move keeps M and the inverse masses from being each other's inverse.
   const double slope = 0.0 - dot_product(team, n, workspace.force, workspace.step);
   const LinePoint contacts = evaluate_along(team, workspace, LinePoint{0.0, 0.0}, compliance, 0.0);

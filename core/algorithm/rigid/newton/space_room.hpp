@@ -4,7 +4,7 @@
 #include "core/algorithm/rigid/time_stepping.hpp"
 #include "core/job/newton_stream.hpp"
 
-/// What Newton's method in body space keeps, in double whatever the batch's precision (docs/math/body_newton.md).
+/// Memory of Newton's method in body space, in double whatever the batch's precision (docs/math/body_newton.md).
 namespace stiction::inline STICTION_ISA {
 
 /// One contact that is solved. Numbers by row are n, t1, t2.

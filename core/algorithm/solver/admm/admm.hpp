@@ -29,7 +29,7 @@ struct Admm {
   static constexpr Index kMostSwitches = 4;
   static constexpr Index kPenaltyLevels = 6;
 
-  /// What is remembered between iterations.
+  /// State between iterations.
   enum State : Index {
     kLargestEigenvalue = kMethodScalars,  ///< of the scaled A + R
     kSkewness,                            ///< largest difference between an entry of A and its mirror image, scaled
@@ -80,7 +80,7 @@ struct Admm {
       for (int k = 0; k < kRows; ++k) {
         a.g[row + k] = div_(static_cast<double>(s.x[row + k]), a.scale[row + k]);
         if constexpr (decltype(shape)::kKind != ConeKind::free) a.g[row + k] = a.g[row + k] - div_(y[k], rho);
-        // Where a first step that is not a number is taken back to.
+        // The point to which a first step is taken back if it is not a number.
         a.image_before[row + k] = a.g[row + k];
       }
       project(s, a, shape, cone, row);

@@ -10,15 +10,15 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// What stands for (K + rho)^-1. Chosen by integers of the environment alone.
+/// Representation of (K + rho)^-1. Chosen by integers of the environment alone.
 enum class AdmmForm : std::uint8_t {
   matrix,     ///< the factor of K + rho, n x n
   velocity,   ///< where A = Y Y': the factor of a dofs x dofs matrix (Woodbury's formula)
   gradients,  ///< conjugate gradients
 };
 
-/// Whether an environment is a factor with so few columns that the matrix between them is cheaper than that of the
-/// rows.
+/// Returns true if an environment is a factor with so few columns that the matrix between them is cheaper than that of
+/// the rows.
 template <class System>
 STICTION_HD bool prefers_velocity(const System& s) {
   if constexpr (kHasVelocity<System>) {

@@ -13,7 +13,7 @@ struct AndersonWeights {
   double gamma[kAndersonMemory];
 };
 
-/// Where the inner product of remembered steps i >= j is, and, for i = kAndersonMemory, that of f with step j.
+/// Index of the inner product of remembered steps i >= j, and, for i = kAndersonMemory, of f with step j.
 STICTION_HD constexpr Index gram_place(Index i, Index j) {
   return i * (i + 1) / 2 + j;
 }

@@ -6,7 +6,7 @@
 /// here is reached by an environment that has room for a matrix.
 namespace stiction::inline STICTION_ISA {
 
-/// What a solve leaves of the residual that the v before has, in the norm that the preconditioner makes. Where the
+/// Part of the residual of the v before that a solve leaves, in the norm that the preconditioner makes. If the
 /// iteration converges, so does the error.
 inline constexpr double kPenalizedAccuracy = 1e-1;
 /// Steps for one solve at most.

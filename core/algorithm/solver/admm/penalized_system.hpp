@@ -6,7 +6,7 @@
 /// K + rho in the form that suits the environment.
 namespace stiction::inline STICTION_ISA {
 
-/// What does not depend on rho. Returns the largest difference between two halves of A.
+/// Computes the parts that do not depend on rho. Returns the largest difference between two halves of A.
 template <Team TeamT, class System>
 STICTION_HD double fill_scaled(TeamT& team, const System& s, const AdmmState& a) {
   if (a.form == AdmmForm::matrix) return fill_scaled_matrix(team, s, a);

@@ -29,7 +29,7 @@ struct Ipm {
   /// Complementarity kept for every unit of what the shift moved.
   static constexpr double kShiftGuard = 0.1;
 
-  /// What is remembered between iterations.
+  /// State between iterations.
   enum State : Index {
     kTerms = kMethodScalars,  ///< terms of the barrier
     kWaited,                  ///< iterations since the residual fell by a tenth; -1: none has been recorded

@@ -5,7 +5,7 @@
 /// Mehrotra's predictor and corrector over cones and bounds (docs/math/ipm.md).
 namespace stiction::inline STICTION_ISA {
 
-/// Of the step to the boundary, the part that is taken.
+/// Part of the step to the boundary that is taken.
 inline constexpr double kBoundaryPart = 0.995;
 /// Complementarity that a cone keeps, relative to x_n z_n. Below that, a sliding contact's x and z are on the boundary
 /// as far as doubles can tell.

@@ -5,7 +5,7 @@
 /// The first point of an interior-point method: well inside the cones, centred, of the problem's size.
 namespace stiction::inline STICTION_ISA {
 
-/// What a cone's rows resist with, on average: the unit in which x and z of that cone compare.
+/// Mean resistance of a cone's rows: the unit in which x and z of that cone compare.
 template <int M, class System>
 STICTION_HD double mean_diagonal(const System& s, const IpmSpace& p, Index row) {
   double sum = 0.0;

@@ -3,13 +3,13 @@
 #include "core/algorithm/solver/ipm/ipm_gradients.hpp"
 
 /// The linear algebra of an interior point's step. One matrix is factored once and solved for predictor and corrector.
-/// Where there is no room for it, conjugate gradients solve the same system.
+/// If there is no room for it, conjugate gradients solve the same system.
 namespace stiction::inline STICTION_ISA {
 
 /// A fixed row's place on the diagonal of K: no step.
 inline constexpr double kHeldRow = 0x1p+512;
-/// What is added to the diagonal of K, relative to A's. So directions of which neither A nor a barrier knows anything
-/// any more are left alone instead of taking what rounding says.
+/// Term added to the diagonal of K, relative to A's. Directions of which neither A nor a barrier knows anything any
+/// more are hence left alone instead of taking what rounding says.
 inline constexpr double kRegularisation = 0x1p-46;
 
 /// Entry k of D at a cone's first row: W^-2 in the frame, or both bounds' multiplier over slack.

@@ -9,8 +9,8 @@ namespace stiction::inline STICTION_ISA {
 /// Lemke's complementary pivoting with bounds, for environments without friction cones but those of boxed friction
 /// (docs/math/lemke.md). An iteration is a pivot, the number of pivots is finite, and the path ends at a solution or on
 /// a ray. For a positive semidefinite A without friction a ray means that there is none. When a path has ended the
-/// dictionary of its last basis is written anew from the system's numbers. So no rounding of the pivots is left. What
-/// is still infeasible is the beginning of another path.
+/// dictionary of its last basis is written anew from the system's numbers. No rounding of the pivots is hence left. A
+/// remaining infeasibility is the beginning of another path.
 struct Lemke {
   static constexpr SolverKind kKind = SolverKind::lemke;
   static STICTION_HD constexpr Workspace workspace() { return {.f64_vectors = kPivotVectors, .dense_matrices = 1}; }
@@ -29,7 +29,7 @@ struct Lemke {
   template <class System>
   static constexpr bool kKeepsMotion = false;
 
-  /// What is remembered between pivots.
+  /// State between pivots.
   enum State : Index { kEntering, kPathsBegun, kRaysMet, kPivots };
 
   template <class System>
@@ -83,7 +83,7 @@ struct Lemke {
   static STICTION_HD void refresh(TeamT&, System&, Mask<typename System::Real>) {}
 
  private:
-  /// Whether a bound is one to start from. The largest of b and of the diagonal are about 1.
+  /// Returns true if a bound is one to start from. The largest of b and of the diagonal are about 1.
   template <class Real>
   static STICTION_HD bool is_near(Real bound) {
     return abs_(bound) < Real(kFarBound);
@@ -150,7 +150,7 @@ struct Lemke {
   }
 
   /// z0's column is positive where a basic variable has a lower bound only, negative where it has an upper one only.
-  /// So a large z0 makes every row feasible. With a label it is the column of y_label wherever that one lifts a row,
+  /// A large z0 thus makes every row feasible. With a label it is the column of y_label wherever that one lifts a row,
   /// and covers no row that needs no covering.
   template <Team TeamT>
   static STICTION_HD_OUTLINE void cover(TeamT& team, const Tableau& t, Index label) {
@@ -185,7 +185,7 @@ struct Lemke {
     single(team, [&] { t.state[kEntering] = static_cast<double>(leaving < t.n ? leaving + t.n : leaving - t.n); });
   }
 
-  /// Where x goes to rest when it leaves the basis.
+  /// Returns the bound at which x rests when it leaves the basis.
   template <Team TeamT>
   static STICTION_HD_OUTLINE void note_side(TeamT& team, const Tableau& t, Index leaving, bool at_lower) {
     single(team, [&] {
@@ -260,8 +260,8 @@ struct Lemke {
         return;
       }
     }
-    // Begins after a ray, with another covering vector. Where A is not semidefinite the ray belongs to the path and
-    // not to the problem. One of the paths begun elsewhere that does not end is left like a ray.
+    // Begins after a ray, with another covering vector. If A is not semidefinite the ray belongs to the path and not
+    // to the problem. One of the paths begun elsewhere that does not end is left like a ray.
     const bool anew = leaving == Blocking::kNothing || (is_elsewhere && leaving != t.artificial());
     for_each(team, t.n, [&](Index j) {
       const bool is_free = !is_near(t.lo[j] * t.unit[j]) && !is_near(t.hi[j] * t.unit[j]) && t.lo[j] < t.hi[j];

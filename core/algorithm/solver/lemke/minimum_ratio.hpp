@@ -4,7 +4,7 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// What ends a variable's way: a row of the dictionary, or the variable's own other bound.
+/// Element that ends a variable's way: a row of the dictionary, or the variable's own other bound.
 struct Blocking {
   static constexpr Index kNothing = -1;
   Index row;    ///< the row; n for the variable itself; or kNothing
@@ -19,7 +19,7 @@ STICTION_HD double perturbed_step(const Tableau& t, Index row, Index j, Index c,
   return div_(0.0 - value, direction * t.T(row, c));
 }
 
-/// Whether step b is lexicographically shorter than a, both tied in length. Coefficients apart by rounding are equal.
+/// True if step b is lexicographically shorter than a, both tied in length. Coefficients apart by rounding are equal.
 STICTION_HD bool is_shorter(const Tableau& t, Index b, Index a, Index c, double direction) {
   constexpr double kEqual = 1e-9;
   for (Index j = 0; j < t.n; ++j) {
@@ -63,7 +63,7 @@ STICTION_HD_OUTLINE Blocking first_blocking(TeamT& team, const Tableau& t, Index
   if (!(shortest < infinite)) return {Blocking::kNothing, infinite};
 
   const auto is_tied = [&](Index i) {
-    // Where numbers overflow the size is infinite, too; that ties nothing with a bound that is not there.
+    // If numbers overflow the size is infinite, too; that ties nothing with a bound that is not there.
     if (i == n) return workspace < infinite && (workspace - shortest) <= kTie * size;
     return t.ratio[i] < infinite && (t.ratio[i] - shortest) * abs_(t.T(i, c)) <= kTie * size;
   };

@@ -17,7 +17,7 @@ STICTION_HD_OUTLINE bool begin_at_pair(TeamT& team, const Tableau& t, Index k) {
   const Index r = t.variable_of(last.row) - t.n;
   const Index row_of_k = t.row_of(t.n + k);
   if (r != k) {
-    // What is left of the entry (y_k, x_r) by the first exchange.
+    // Remainder of the entry (y_k, x_r) after the first exchange.
     const double through = div_(t.T(last.row, t.column_of(r)), t.T(last.row, t.column_of(k)));
     const double pivot = fma_(0.0 - t.T(row_of_k, t.column_of(k)), through, t.T(row_of_k, t.column_of(r)));
     if (!(abs_(pivot) > Tableau::kRelativePivot)) return false;

@@ -5,12 +5,12 @@
 #include "core/team/reduce.hpp"
 
 /// The dictionary of complementary pivoting (docs/math/lemke.md): n basic variables as affine functions of n + 1
-/// non-basic ones, kept by a team. Every entry is computed by one lane from the pivot's row and column alone. So the
-/// bits do not depend on how many lanes there are. n is the number of pairs (core/job/pivot_pairs.hpp): the rows of the
-/// system, and behind them one for each axis of boxed friction.
+/// non-basic ones, kept by a team. Every entry is computed by one lane from the pivot's row and column alone. The bits
+/// hence do not depend on how many lanes there are. n is the number of pairs (core/job/pivot_pairs.hpp): the rows of
+/// the system, and behind them one for each axis of boxed friction.
 namespace stiction::inline STICTION_ISA {
 
-/// Variables are numbered: x_j is j, y_j is n + j, the artificial z0 is 2n. Of a pair x_j, y_j the one that is not
+/// Variables are numbered: x_j is j, y_j is n + j, the artificial z0 is 2n. In a pair x_j, y_j the one that is not
 /// basic rests: y_j at 0, x_j at the bound that side[j] names.
 struct Tableau {
   static constexpr Index kVectors = kPairVectors;  ///< of n doubles before the n x n entries
@@ -215,8 +215,8 @@ STICTION_HD_OUTLINE void write_values(TeamT& team, const System& s, const Tablea
 }
 
 /// Makes the x_j with wanted[j] = 1 basic in place of the y_j, starting from the dictionary just written. It is
-/// elimination with complete pivoting, a tie going to the diagonal. What has no pivot left that is above rounding is
-/// dependent on what went before it. Its x stays at rest, where a consistent system has y = 0.
+/// elimination with complete pivoting, a tie going to the diagonal. A row without a pivot above rounding is dependent
+/// on those before it. Its x stays at rest, where a consistent system has y = 0.
 template <Team TeamT>
 STICTION_HD_OUTLINE void bring_in(TeamT& team, const Tableau& t, const double* wanted) {
   const Index n = t.n;

@@ -79,7 +79,7 @@ struct Newton {
   static STICTION_HD void refresh(TeamT&, System&, Mask<typename System::Real>) {}
 
  private:
-  /// Whether every row that can react has compliance to speak of.
+  /// Returns true if every row that can react has compliance to speak of.
   template <Team TeamT, class System>
   static STICTION_HD_OUTLINE bool is_compliant(TeamT& team, const System& s) {
     const NewtonWorkspace workspace = newton_room(s);

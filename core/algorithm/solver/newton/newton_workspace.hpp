@@ -8,8 +8,8 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// What both branches of Newton's method keep in doubles. The first vectors mean the same in both; the others belong to
-/// one branch, of which an environment takes only one.
+/// Vectors that both branches of Newton's method keep in doubles. The first vectors mean the same in both; the others
+/// belong to one branch, of which an environment takes only one.
 enum NewtonVector : Index {
   kCompliance = 0,  ///< R, in the solver's coordinates
   kPoint,           ///< zeta; proximal: x

@@ -205,8 +205,8 @@ STICTION_HD_OUTLINE LinePoint evaluate_along(TeamT& team, const System& s, doubl
   return {slope, sum_values(team, workspace.vector(kConeCurvature), s.cones)};
 }
 
-/// What rounding makes of a slope: 4 eps times the sum of the magnitudes it is made of. A stiff row answers to the
-/// rounding of its motion as it does to motion.
+/// Rounding of a slope: 4 eps times the sum of the magnitudes it is made of. A stiff row answers to the rounding of
+/// its motion as it does to motion.
 template <Team TeamT, class System>
 STICTION_HD_OUTLINE double slope_noise(TeamT& team, const System& s) {
   const NewtonWorkspace workspace = newton_room(s);

@@ -6,13 +6,13 @@
 #include "core/algorithm/solver/npgs.hpp"
 
 /// Semismooth Newton on the natural map with a proximal term: Coulomb's law, and the convex law where some row has no
-/// compliance (docs/math/newton.md). It converges from nearby. So sweeps with momentum bring it there, at the
+/// compliance (docs/math/newton.md). It converges from nearby. Sweeps with momentum therefore bring it there, at the
 /// beginning and whenever a step does not make the natural map smaller. The term is then weighted more again.
 namespace stiction::inline STICTION_ISA {
 
 inline constexpr int kSweepsBefore = 10;  ///< sweeps at the beginning and when Newton's method is of no use
 inline constexpr int kBacktracks = 6;
-/// What is remembered between iterations, behind what the sweeps do.
+/// State between iterations, behind that of the sweeps.
 enum NewtonState : Index {
   kProximalWeight = static_cast<Index>(Npgs::kStateEnd),  ///< 0: the primal method; negative: sweeps come first
   kWasExhausted,  ///< primal: 1 if the last step could gain nothing but rounding

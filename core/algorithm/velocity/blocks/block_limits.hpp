@@ -14,8 +14,8 @@ inline constexpr Offset kBlocksPerRow = 4;
 /// Most rows: what is counted by an Index stays below its limit.
 inline constexpr Index kMostRowsInBlocks = 1 << 21;
 
-/// Whether Newton's method in velocities may take an environment in blocks, by its size. Its form is known to be taken
-/// (takes_form). What is smaller goes into lanes, and where rows do not outnumber degrees of freedom A is small.
+/// Returns true if Newton's method in velocities may take an environment in blocks, by its size. Its form is known to
+/// be taken (takes_form). Smaller ones go into lanes, and A is small if rows do not outnumber degrees of freedom.
 template <class Real>
 STICTION_HD bool takes_blocks(const LaneEnv<Real>& env) {
   return env.dofs > kMostVelocityDofs && env.rows <= kMostRowsInBlocks && pays_in_sequence(env.rows, env.dofs);

@@ -38,7 +38,7 @@ class BlockNewton {
     return progress_.result();
   }
 
-  // What solve_by_newton() calls.
+  // Functions that solve_by_newton() calls.
   NewtonSequence sequence{};
   [[nodiscard]] STICTION_HD bool is_solved() const { return progress_.is_answered; }
   [[nodiscard]] STICTION_HD bool has_sequence() const { return progress_.has_outer; }
@@ -167,7 +167,7 @@ class BlockNewton {
     return true;
   }
 
-  /// Diagonals of A and b. Whether all can be computed with.
+  /// Diagonals of A and b. Returns true if all can be computed with.
   STICTION_HD_OUTLINE bool find_scale() {
     double* const path = n_.path + static_cast<Offset>(team_.rank()) * kMostGroupBlocks * kBodyBlock;
     std::uint32_t is_bad = 0;
@@ -191,7 +191,7 @@ class BlockNewton {
     return team_.combine(is_missing) != 0;
   }
 
-  /// Where compliance is enough there is no proximal term.
+  /// If compliance is enough there is no proximal term.
   STICTION_HD_OUTLINE void set_first_weight() {
     std::uint32_t slips = 0;
     for_each(team_, terms_.cones().cones, [&](Index c) {
@@ -306,7 +306,7 @@ class BlockNewton {
   bool can_sweep_ = false;  ///< the environment's cones have sweeps
 };
 
-/// What a team takes of an environment.
+/// Work of a team on an environment.
 template <class Real>
 STICTION_HD BlockExtent extent_of_blocks(const LaneEnv<Real>& env) {
   return {env.rows, env.cones, env.dofs};

@@ -32,7 +32,7 @@ struct BlockSweeps {
     [[nodiscard]] STICTION_HD double block_entry(Index, Index i, Index j) const { return B[i * rows + j]; }
   };
 
-  /// Lists the blocks that each cone pushes, and levels. Whether no cone pushes more than there is room for.
+  /// Lists the blocks that each cone pushes, and levels. Returns true if no cone pushes more than there is room for.
   template <Team TeamT>
   STICTION_HD_OUTLINE bool find(TeamT& team) const {
     const ConeTouches& cones = terms.cones();
@@ -134,7 +134,7 @@ struct BlockSweeps {
     return levels;
   }
 
-  /// Where the pushes of a cone begin: of each block and each row kBodyBlock numbers.
+  /// Returns the pushes of a cone: kBodyBlock numbers for each block and each row.
   [[nodiscard]] STICTION_HD double* pushes(Index c) const {
     return terms.n.Y + static_cast<Offset>(terms.cones().row[c]) * kMostTouches * kBodyBlock;
   }

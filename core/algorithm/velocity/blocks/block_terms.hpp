@@ -181,8 +181,8 @@ struct BlockTerms {
     return {slope, curvature, 0x1p-50 * sum_values(team, n.line_slope, cones().cones)};
   }
 
-  /// Slope and curvature at p + t d. What the quadratic model foresaw is known; what is summed is the rest, which is
-  /// zero where a cone stays as it was.
+  /// Slope and curvature at p + t d. Only the difference from the quadratic model is summed; it is zero where a cone
+  /// stays as it was.
   template <Team TeamT>
   STICTION_HD_OUTLINE LinePoint point_on_line(TeamT& team, const Along& along, double t) const {
     for_each(team, cones().cones, [&](Index c) {

@@ -8,7 +8,7 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// What an environment's arrays are as large as. The memory follows from them alone.
+/// Sizes of an environment's arrays. The memory follows from them alone.
 struct BlockExtent {
   Index rows = 0;
   Index cones = 0;

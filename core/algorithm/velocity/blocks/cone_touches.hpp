@@ -6,8 +6,8 @@
 namespace stiction::inline STICTION_ISA {
 
 /// Which blocks of degrees of freedom each cone touches, and J there. A touch is a cone and a block. Touches of a cone
-/// follow one another in the order of blocks, those of a block are listed in the order of cones. So is every sum over
-/// them.
+/// follow one another in the order of blocks, those of a block are listed in the order of cones. The same holds for
+/// every sum over them.
 struct ConeTouches {
   Index cones = 0;
   Index count = 0;   ///< touches

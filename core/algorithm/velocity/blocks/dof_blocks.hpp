@@ -18,7 +18,7 @@ struct DofBlocks {
   Index* of_block;    ///< first block of each block's group                                       (blocks)
   Index* mass_begin;  ///< first of each row's blocks of M, from its group's first to the diagonal (blocks + 1)
 
-  /// Blocks, at most. Those shorter than four are the last of a group, or stand between longer groups.
+  /// Blocks, at most. Groups shorter than four are the last of a group, or stand between longer groups.
   static STICTION_HD constexpr Offset most(Offset dofs) { return dofs / 2 + 2; }
   static STICTION_HD constexpr Offset integers(Offset dofs) { return dofs + 4 * (most(dofs) + 1); }
 
@@ -36,7 +36,7 @@ struct DofBlocks {
   }
 
   [[nodiscard]] STICTION_HD Index size(Index block) const { return first_dof[block + 1] - first_dof[block]; }
-  /// Where a degree of freedom is in vectors of kBodyBlock numbers a block.
+  /// Returns the index of a degree of freedom in vectors of kBodyBlock numbers a block.
   [[nodiscard]] STICTION_HD Index place(Index dof) const {
     return of_dof[dof] * kBodyBlock + dof - first_dof[of_dof[dof]];
   }

@@ -5,7 +5,7 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// What is found of the reactions of one environment.
+/// Residual of the reactions of one environment.
 struct BlockResidual {
   FinalResidual found;
   double inner = 0.0;  ///< largest motion that the gradient that is left would bring to a row [w]

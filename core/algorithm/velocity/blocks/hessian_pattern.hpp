@@ -5,7 +5,7 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// Where H = M + J'GJ has blocks: where M couples two, and where a cone touches both.
+/// Blocks of H = M + J'GJ: where M couples two, and where a cone touches both.
 struct HessianPattern {
   BlockPattern pattern;
   bool fits = true;  ///< it has no more blocks than there is room for

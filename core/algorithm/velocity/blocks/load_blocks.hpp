@@ -41,8 +41,8 @@ STICTION_HD bool load_cone(const JacobianBatchView<Real>& batch, const LaneEnv<R
   return nothing == 0.0;
 }
 
-/// What a cone's rows have beside J. Whether it may be computed with: finite, friction and compliance not negative,
-/// bounds in order.
+/// Data of a cone's rows beside J. Returns true if it may be computed with: finite, friction and compliance not
+/// negative, bounds in order.
 template <class Real>
 STICTION_HD bool load_rows(const JacobianBatchView<Real>& batch, const LaneEnv<Real>& env, const BlockLists& lists,
                            const BlockWorkspace& n, Index c) {
@@ -67,7 +67,7 @@ STICTION_HD bool load_rows(const JacobianBatchView<Real>& batch, const LaneEnv<R
   return is_sound && nothing == 0.0;
 }
 
-/// All numbers of an environment but M. Whether they are sound, on every lane.
+/// All numbers of an environment but M. Returns true if they are sound, on every lane.
 template <Team TeamT, class Real>
 STICTION_HD_OUTLINE bool load_environment(TeamT& team, const JacobianBatchView<Real>& batch, const LaneEnv<Real>& env,
                                           const BlockLists& lists, const BlockWorkspace& n) {
@@ -167,7 +167,7 @@ STICTION_HD double error_at_rest(const BlockTerms& terms, Index c, Law law, doub
   return max_(div_(sqrt_(own.square), unit), static_cast<double>(kIdleShare) * largest);
 }
 
-/// One pass of scales in n.share over degrees of freedom, whose own is in n.force, and along M. Whether any changed.
+/// One pass of scales in n.share over degrees of freedom, whose own is in n.force, and along M. True if any changed.
 STICTION_HD bool spread_scales(const BlockTerms& terms, const MassBlocks& mass) {
   const BlockWorkspace& n = terms.n;
   const ConeTouches& cones = terms.cones();
@@ -236,10 +236,10 @@ STICTION_HD bool set_weight(const BlockTerms& terms, Index c) {
   return n.diagonal[first] + n.R[first] > 0.0;
 }
 
-/// The iteration's compliances of a cone. What is missing to the share `least` of A's diagonal, or to the largest
-/// tangential one, is the weight of the proximal term. Returns whether there is any.
+/// The iteration's compliances of a cone. The weight of the proximal term is what is missing to the share `least` of
+/// A's diagonal, or to the largest tangential one. Returns whether there is any.
 STICTION_HD bool set_compliances(const BlockTerms& terms, Index c, double least) {
-  /// What is added to a compliance beyond a rounding.
+  /// Term added to a compliance beyond a rounding.
   constexpr double kRounding = 0x1p-48;
   const BlockWorkspace& n = terms.n;
   const Index first = terms.cones().row[c], end = terms.cones().row[c + 1];

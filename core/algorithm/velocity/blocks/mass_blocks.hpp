@@ -13,7 +13,7 @@ struct MassBlocks {
   double* factor;  ///< L of M = L L'                                   (as many)
 
   [[nodiscard]] STICTION_HD Index blocks() const { return dofs.mass_begin[dofs.count]; }
-  /// Where a block of a row begins, in M and in its factor.
+  /// Returns the first entry of a block of a row, in M and in its factor.
   [[nodiscard]] STICTION_HD Offset at(Index row, Index column) const {
     return static_cast<Offset>(dofs.mass_begin[row] + column - dofs.of_block[row]) * kBlockEntries;
   }
@@ -30,7 +30,7 @@ struct MassBlocks {
       }
   }
 
-  /// Loads M and factors it, or loads the factor and multiplies it out. Whether M is positive definite, to rounding.
+  /// Loads M and factors it, or loads the factor and multiplies it out. True if M is positive definite, to rounding.
   template <Team TeamT, class Real>
   STICTION_HD_OUTLINE bool load(TeamT& team, const LaneEnv<Real>& env, MassForm form) const {
     double* const given = form == MassForm::matrix ? M : factor;

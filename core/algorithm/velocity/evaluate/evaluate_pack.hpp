@@ -214,8 +214,8 @@ struct DoublePack {
     return {not_(workspace.all(not_(lanes.bad))), not_(workspace.all(not_(lanes.proximal)))};
   }
 
-  /// What errors are measured by: b, which goes to `motion`, metrics of cones, and islands (docs/math/residual.md).
-  /// Returns the largest island's error scale. `is_one`: all cones are of one island.
+  /// Units of errors: b, which goes to `motion`, metrics of cones, and islands (docs/math/residual.md). Returns the
+  /// largest island's error scale. `is_one`: all cones are of one island.
   STICTION_HD_OUTLINE Double find_scale(Law law, bool is_one = false) const {
     const Doubles velocity = array(workspace.velocity), motion = array(workspace.motion);
     workspace.each(tree.dofs, [&](Index k) { velocity.put(k, number(workspace.v_free, k)); });

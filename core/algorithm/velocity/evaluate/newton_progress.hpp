@@ -31,13 +31,13 @@ inline constexpr int kMostEvaluations = 60;
 /// taken in double.
 inline constexpr double kLeastSingle = 1e-5;
 
-/// What is asked of an environment: its own tolerance, or the solve's.
+/// Requirement of an environment: its own tolerance, or the solve's.
 template <class Real>
 STICTION_HD double tolerance_of(const VelocityJob<Real>& job, Offset env) {
   const double* const own = job.batch.env_tolerance;
   return own != nullptr && own[env] >= 0.0 ? own[env] : job.tolerance;
 }
-/// Whether the steps of an environment are taken in double, though the batch has single precision.
+/// Returns true if the steps of an environment are taken in double, though the batch has single precision.
 template <class Real>
 STICTION_HD bool steps_in_double(const VelocityJob<Real>& job, Offset env) {
   return sizeof(Real) == sizeof(float) && tolerance_of(job, env) < kLeastSingle;
@@ -66,7 +66,7 @@ struct LaneProgress {
   bool starts_at_velocity = false;  ///< and not at what reactions lead to
   bool has_outer = false;           ///< solves a sequence of problems: Coulomb's law, or a proximal term
 
-  /// What the batch, or the solve, asks of an environment. `most`: steps, whatever that is.
+  /// Returns the tolerance that the batch, or the solve, asks of an environment. `most`: steps, whatever that is.
   template <class Real>
   STICTION_HD void set_limits(const VelocityJob<Real>& job, Offset env, Index most) {
     const Index* const own_iterations = job.batch.env_max_iterations;

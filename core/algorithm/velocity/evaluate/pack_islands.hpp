@@ -49,7 +49,7 @@ struct PackIslands {
   }
 
   /// Raises the scales of cones whose degrees of freedom are joined, from parent to child, with those of a cone of the
-  /// largest scale. That is most often all of them, by their first column, and no pass follows.
+  /// largest scale. They are most often all of them, by their first column, and no pass follows.
   STICTION_HD void raise_neighbours(const Doubles& scale, const Doubles& reach, Double most) const {
     pack.workspace.each(pack.tree.dofs, [&](Index k) { reach.put(k, Double(0)); });
     for (Index s = 0; s < pack.counts.slots; ++s) {

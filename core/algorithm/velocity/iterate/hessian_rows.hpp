@@ -19,7 +19,7 @@ struct HessianRows {
   using Value = typename Terms::Value;
   const Terms& terms;
 
-  /// Of rows `from` and on of a slot, in the rows of kColumns degrees of freedom from column `first` on.
+  /// Adds rows `from` and on of a slot, in the rows of kColumns degrees of freedom from column `first` on.
   template <bool kCone, int kRows, int kColumns, class SlotT>
   STICTION_HD void add_columns(const SlotT& slot, Index s, Index from, Index first) const {
     const auto& hessian = terms.hessian();
@@ -59,8 +59,8 @@ struct HessianRows {
     }
   }
 
-  /// Of all slots of one row. A pyramid's edges touch the same degrees of freedom, so that each entry of H is read once
-  /// for several rows.
+  /// Adds all slots of one row. A pyramid's edges touch the same degrees of freedom, so that each entry of H is read
+  /// once for several rows.
   STICTION_HD_OUTLINE void add_single_rows() const {
     auto&& team = terms.workspace.team();
     for_each_in_turn(team, terms.slots, terms.counts.singles, [&](auto& workers, Index s) -> Index {

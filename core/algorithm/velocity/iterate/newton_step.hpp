@@ -219,8 +219,8 @@ struct NewtonPack {
     return sum;
   }
 
-  /// Slope and curvature at v + t p of the function that is minimised. What the quadratic model of the step foresaw of
-  /// either is known. What is summed is the rest, which is zero where a cone stays as it was.
+  /// Slope and curvature at v + t p of the function that is minimised. Only the difference from the quadratic model of
+  /// the step is summed. It is zero where a cone stays as it was.
   struct LineSlope {
     Wide slope;
     Wide curvature;
@@ -296,7 +296,7 @@ struct NewtonPack {
     return t;
   }
 
-  /// What v changed by, z, reactions and gradient after a step of length t.
+  /// Updates v's change, z, reactions and gradient after a step of length t.
   STICTION_HD_OUTLINE void take_step(Wide t) const {
     workspace.share(tree.dofs, [&](Index k) {
       workspace.dv.put(k, fma_(t, workspace.step[k], workspace.dv[k]));

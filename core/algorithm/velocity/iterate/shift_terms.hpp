@@ -6,7 +6,7 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// What the rows' motions are shifted by: de Saxce's terms, and what the proximal term holds on to.
+/// Shifts of the rows' motions: de Saxce's terms, and the terms of the proximal centre.
 template <class Types>
 struct ShiftTerms {
   using Number = typename Types::Number;
@@ -53,7 +53,7 @@ struct ShiftTerms {
     });
   }
 
-  /// What the proximal term of a row subtracts.
+  /// Returns the term that the proximal term of a row subtracts.
   [[nodiscard]] STICTION_HD double held(Index row, int l) const {
     return static_cast<double>(workspace.prox.at(row, l)) * static_cast<double>(workspace.prox_center.at(row, l));
   }

@@ -6,7 +6,7 @@
 namespace stiction::inline STICTION_ISA {
 
 /// Fixed-point iteration s <- G(s) on de Saxce's terms of one environment's cones, with Anderson's mixing of the last
-/// three. What is taken next is the combination of the G(s) whose differences G(s) - s, combined so, are least.
+/// three. The next iterate is the combination of the G(s) whose differences G(s) - s, combined so, are least.
 ///
 /// D. G. Anderson, Iterative procedures for nonlinear integral equations, J. ACM 12 (1965); H. F. Walker, P. Ni,
 /// Anderson acceleration for fixed-point iterations, SIAM J. Numer. Anal. 49 (2011).
@@ -27,7 +27,7 @@ struct SlipMixing {
     return data[(static_cast<Offset>(2 * age + 1) * cones + cone) * stride];
   }
 
-  /// What lies behind becomes one older.
+  /// Older ones move back by one.
   STICTION_HD void age(Index cone) const {
     for (Index older = 2; older > 0; --older) {
       image(older, cone) = image(older - 1, cone);

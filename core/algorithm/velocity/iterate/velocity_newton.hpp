@@ -127,7 +127,7 @@ class VelocityNewton {
       if (!is_set(can_start, l) && !progress_[l].starts_at_velocity) progress_[l].flags |= kFlagWarmStartRejected;
   }
 
-  /// The first velocity: v_free, or what the warm start says. Where both velocities and reactions are given, a sequence
+  /// The first velocity: v_free, or what the warm start says. If both velocities and reactions are given, a sequence
   /// of problems starts from reactions, whose shifts velocities do not tell.
   STICTION_HD_OUTLINE void start() {
     bool any_reactions = false, any_velocity = false;
@@ -180,8 +180,8 @@ class VelocityNewton {
     if (!can_start) progress_[l].flags |= kFlagWarmStartRejected;
     return can_start;
   }
-  /// Goes to the given velocities in lanes that start there, unless the function (3) is smaller at v_free. What a small
-  /// change of the free motion opens, or presses together, can make it far larger (docs/math/velocity_newton.md).
+  /// Goes to the given velocities in lanes that start there, unless the function (3) is smaller at v_free. It can be
+  /// far larger after a small change of free motion opens or presses contacts (docs/math/velocity_newton.md).
   STICTION_HD_OUTLINE void start_at_velocities() {
     workspace_.each(counts_.rows, [&](Index row) { workspace_.z.put(row, workspace_.free_motion()[row]); });
     pack_.refresh_reactions();
@@ -249,7 +249,7 @@ class VelocityNewton {
                                                                                       : kMostIdle;
   }
 
-  /// Steps until every lane is finished or proposes an answer. Whether any proposes one.
+  /// Steps until every lane is finished or proposes an answer. Returns true if any proposes one.
   STICTION_HD_OUTLINE bool iterate() {
     const Wide busy = lanes([&](int l) { return progress_[l].is_busy ? 1.0 : 0.0; });
     const Wide enough = lanes([&](int l) { return progress_[l].goal * progress_[l].scale; });

@@ -118,7 +118,7 @@ class DofIslands {
       dof_[cone_begin_[part]++] = k;
     }
   }
-  /// What touches nothing belongs to the first part.
+  /// Degrees of freedom that nothing touches belong to the first part.
   STICTION_HD void list_cones() {
     for (Index i = 0; i <= count_; ++i) cone_begin_[i] = 0;
     const auto part_of = [&](Index cone) { return first_dof_[cone] < 0 ? 0 : parent_[first_dof_[cone]]; };

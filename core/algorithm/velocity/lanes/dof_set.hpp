@@ -66,7 +66,7 @@ STICTION_HD Set only(Index dof) {
     return set;
   }
 }
-/// Those before `dof`.
+/// Returns the members before `dof`.
 template <class Set>
 STICTION_HD Set below(Index dof) {
   if constexpr (SetTraits<Set>::kIsWord) {

@@ -8,9 +8,9 @@
 namespace stiction::inline STICTION_ISA {
 
 /// The elimination tree of M + J'DJ, leaves first. Row k of the factor may have entries at k's ancestors only, and
-/// keeps one for each of them, the root first. So a row is contiguous, and eliminating k updates leading parts of its
-/// ancestors' rows; no list of indices is needed. What is added to the true pattern holds exact zeros. A large tree's
-/// row begins at the first ancestor for which it has an entry. Bodies in a row make one path, and a narrow band.
+/// keeps one for each of them, the root first. A row is hence contiguous; eliminating k updates leading parts of its
+/// ancestors' rows, without a list of indices. Entries added to the true pattern hold zeros. A large tree's row begins
+/// at the first ancestor for which it has an entry. Bodies in a row make one path, and a narrow band.
 ///
 /// J. W. H. Liu, The role of elimination trees in sparse factorization, SIAM J. Matrix Anal. Appl. 11 (1990); for
 /// kinematic trees R. Featherstone, Efficient factorization of the joint-space inertia matrix, IJRR 24 (2005).
@@ -39,7 +39,7 @@ struct DofTree {
   }
   [[nodiscard]] STICTION_HD Index first(Index k) const { return kIsWhole ? 0 : first_depth[kIsWhole ? 0 : k]; }
   [[nodiscard]] STICTION_HD Index diagonal(Index k) const { return begin[k] + depth[k]; }
-  /// Whether row k has an entry for that depth.
+  /// Returns true if row k has an entry for that depth.
   [[nodiscard]] STICTION_HD bool has(Index k, Index at) const { return at >= first(k) && at <= depth[k]; }
 };
 

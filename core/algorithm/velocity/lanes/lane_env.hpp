@@ -21,7 +21,7 @@ inline constexpr Index kMostLargeColumns = kMostVelocityRows * kMostVelocityDofs
 inline constexpr Index kMostLargePaths = 16384;
 
 /// The environment's degree of freedom that is number k here, and back. A factor L L' ends with the last one, and what
-/// is factored here with number 0. So a factor's are numbered from the last to the first, and L has the tree's zeros.
+/// is factored here with number 0. A factor's are hence numbered backwards, and L has the tree's zeros.
 template <class Real>
 STICTION_HD Index dof_of(const LaneEnv<Real>& env, Index k) {
   if (env.dof != nullptr) return env.dof[k];
@@ -41,7 +41,7 @@ template <class Real>
 STICTION_HD Index lowest_dof(const LaneEnv<Real>& env) {
   return dof_of(env, env.is_reversed ? env.dofs - 1 : 0);
 }
-/// Where the row of number k in M has the entry of number 0, where is_one_block.
+/// Returns the entry of number 0 in the row of number k in M, where is_one_block.
 template <class Real>
 STICTION_HD Offset mass_row(const LaneEnv<Real>& env, Index k) {
   return static_cast<Offset>(dof_of(env, k)) * env.block + dof_of(env, 0) % env.block;
@@ -54,8 +54,8 @@ STICTION_HD Real mass_entry(const LaneEnv<Real>& env, Index k, Index before) {
                                                : Real(0);
 }
 
-/// Whether cones tile an environment's rows, each with as many as its kind has. Nothing in the arrays is believed; rows
-/// are known to be sound.
+/// Returns true if cones tile an environment's rows, each with as many as its kind has. Nothing in the arrays is
+/// believed; rows are known to be sound.
 template <class Real>
 STICTION_HD bool cones_are_sound(const JacobianBatchView<Real>& batch, Offset env) {
   const Offset cones = used_part(batch.env_cone_offsets, batch.env_cone_counts, env, batch.cone_count);
@@ -73,37 +73,37 @@ STICTION_HD bool cones_are_sound(const JacobianBatchView<Real>& batch, Offset en
   return cones >= 0 && row == end;
 }
 
-/// Whether an environment is better solved so where that takes a sequence of problems (Coulomb's law, rows without
-/// compliance). Where rows are few beside the degrees of freedom, A is small and sweeps on it are faster. Where rows
+/// Returns true if an environment is better solved so even if that takes a sequence of problems (Coulomb's law, rows
+/// without compliance). With few rows beside the degrees of freedom, A is small and sweeps on it are faster. If rows
 /// outnumber them, contacts are redundant, and sweeps are slow (docs/math/auto.md).
 STICTION_HD bool pays_in_sequence(Index rows, Index dofs) {
   return 8 * rows > 9 * dofs;
 }
 
-/// Whether the method may take an environment, whatever its size. Its rows, J and M are known to be sound.
+/// Returns true if the method may take an environment, whatever its size. Its rows, J and M are known to be sound.
 template <class Real>
 STICTION_HD bool takes_form(const JacobianBatchView<Real>& batch, Offset env) {
   const bool is_whole =
       batch.env_flags == nullptr || (batch.env_flags[env] & ~static_cast<std::uint32_t>(kFlagContactsDropped)) == 0;
   return is_whole && cones_are_sound(batch, env);
 }
-/// Whether any cone has a normal row without compliance. Its proximal term makes a sequence of problems.
+/// Returns true if any cone has a normal row without compliance. Its proximal term makes a sequence of problems.
 template <class Real>
 STICTION_HD bool has_rigid_cone(const JacobianBatchView<Real>& batch, const LaneEnv<Real>& env) {
   for (Index i = 0; i < env.cones; ++i)
     if (batch.R[batch.cone_row_offsets[env.first_cone + cone_of(env, i)]] == Real(0)) return true;
   return false;
 }
-/// Whether it takes an environment, or a part of one, of that size. Others that take a sequence of problems and do not
-/// pay are found when their numbers are known.
+/// Returns true if it takes an environment, or a part of one, of that size. Others that take a sequence of problems
+/// and do not pay are found when their numbers are known.
 template <class Real>
 STICTION_HD bool takes_size(const JacobianBatchView<Real>& batch, const LaneEnv<Real>& env, Law law) {
   if (env.dofs <= 0 || env.dofs > kMostLargeDofs || env.rows < 0 || env.rows > kMostVelocityRows) return false;
   return env.rows == 0 || pays_in_sequence(env.rows, env.dofs) || (law == Law::convex && !has_rigid_cone(batch, env));
 }
 
-/// Whether what steps in double leave of a single-precision batch is tried in single precision. An answer may be none
-/// once it is rounded, while one that such steps end at is rounded all along. Parts are not: one answer is of all.
+/// True if single precision is tried on environments that steps in double leave unsolved. An answer may be none once
+/// it is rounded, while one that such steps end at is rounded all along. Parts are not: one answer is of all.
 template <class Real>
 STICTION_HD bool is_tried_again(const LaneEnv<Real>& env) {
   return env.dof == nullptr && env.dofs <= kMostVelocityDofs;
@@ -126,9 +126,9 @@ STICTION_HD LaneEnv<Real> lane_env(const JacobianBatchView<Real>& batch, Offset 
   return e;
 }
 
-/// So few degrees of freedom are taken for coupled all with all. It is faster to multiply with zeros than to look for
-/// them, and more cones lie side by side. That is worth 17 % of the time of the recorded car's 8, but Go1's 18 would
-/// take 70 % more.
+/// Up to that many degrees of freedom are taken for coupled all with all. It is faster to multiply with zeros than to
+/// look for them, and more cones lie side by side. It saves 17 % of the time of the recorded car's 8, but Go1's 18
+/// would take 70 % more.
 inline constexpr Index kDenseDofs = 9;
 
 /// Degrees of freedom that a row of J touches, by its stored numbers.
@@ -152,8 +152,8 @@ STICTION_HD Set row_dofs(const JacobianBatchView<Real>& batch, const LaneEnv<Rea
   return set;
 }
 
-/// Of the row of M, or of its factor, that belongs to number `dof`: entries that are not zero, but for the diagonal.
-/// Bit i is the i-th in the environment's order, of a part's degrees of freedom that follow one another.
+/// Reads the row of M, or of its factor, of number `dof`: entries that are not zero, but for the diagonal. Bit i is
+/// the i-th in the environment's order, of a part's degrees of freedom that follow one another.
 template <class Set, class Real>
 STICTION_HD Set mass_row_set(const LaneEnv<Real>& env, Index dof) {
   const Index base = lowest_dof(env), row = dof_of(env, dof), block = row - row % env.block;

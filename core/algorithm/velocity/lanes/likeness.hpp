@@ -32,7 +32,7 @@ STICTION_HD std::uint64_t kind_of(const SlotItem<DofSet>& item) {
   return mixed >> 52U;
 }
 
-/// Of an environment whose cones are in order  (count).
+/// Returns the likeness of an environment whose cones are in order  (count).
 STICTION_HD Likeness likeness_of(const SlotItem<DofSet>* items, Index count, Index dofs, bool in_double, Index at) {
   constexpr Index kKinds = 4, kMostAlike = 15;
   Likeness key{in_double, dofs, 0, 0, at};

@@ -50,7 +50,7 @@ STICTION_HD constexpr Offset column_room(Offset cones) {
   return SetTraits<Set>::kIsWord || all < 2 * kMostLargeColumns ? all : 2 * kMostLargeColumns;
 }
 
-/// What a pack's arrays are as large as.
+/// Sizes of a pack's arrays.
 struct SlotCounts {
   Index slots = 0;
   Index rows = 0;
@@ -64,8 +64,8 @@ struct SlotCounts {
   }
 };
 
-/// Whether a cone goes before another. Every environment's cones have this order in every pack, so that sums over them
-/// do.
+/// Returns true if a cone goes before another. Every environment's cones have this order in every pack, so that sums
+/// over them do.
 template <class Set>
 STICTION_HD bool goes_before(const SlotItem<Set>& a, const SlotItem<Set>& b) {
   if (a.rows != b.rows) return a.rows < b.rows;

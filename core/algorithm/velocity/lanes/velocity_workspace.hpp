@@ -20,7 +20,7 @@ struct VelocityWorkspace {
   using Numbers = typename Types::Numbers;
   using Team = typename Types::Team;
   static constexpr Index kStride = Types::kStride;
-  /// Of three evaluations each: the terms that the answer has, and by how much they differ from those it was found
+  /// Three evaluations are kept of each: the terms that the answer has, and their difference from those it was found
   /// with.
   static constexpr Index kSlips = 6;
   static constexpr Index kDouble = sizeof(Number) == sizeof(double) ? 1 : 2;

@@ -61,7 +61,7 @@ STICTION_HD void load_columns(const LaneRows<Types, kStep>& from, const SmallOf<
     for (Index c = 0; c < count; ++c) load_one(c);
   } else {
     if (count == 0) return;
-    // What lies beyond the array is not read.
+    // Numbers beyond the array are not read.
     const Index reach = columns[count - 1] + kEdge;
     Real copies[kLanes][kTileReach<Real>];
     const Real* rows[kLanes];
@@ -94,8 +94,8 @@ STICTION_HD void load_columns(const LaneRows<Types, kStep>& from, const SmallOf<
   }
 }
 
-/// The rows of number k in M, or in its factor. Whether every lane that has it has M in one block, and all columns of a
-/// factor: nothing is read before an array's first number.
+/// The rows of number k in M, or in its factor. Returns true if each lane with k has M in one block, and a full factor:
+/// nothing is read before an array's first number.
 template <class Types, Index kStep, class Real>
 STICTION_HD bool set_mass_rows(LaneRows<Types, kStep>& from, const JacobianBatchView<Real>& batch, Index dofs,
                                const LaneEnv<Real> (&envs)[Types::kLanes], Index k,

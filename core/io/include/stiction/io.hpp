@@ -25,7 +25,7 @@ struct Csr {
   std::vector<double> val;  ///< value                             (nnz)
 };
 
-/// What a solver was given: matrices, J and M, or bodies.
+/// Input of a recorded solve: matrices, J and M, or bodies.
 enum class RecordedForm : std::uint8_t { matrix, jacobian, bodies };
 
 /// How recorded environments were solved: what it takes to get the same bits again. The law is the batch's.
@@ -67,7 +67,7 @@ struct Recording {
 
 enum class FileKind { contact_batch, fclib_local, fclib_global, fclib_rolling };
 
-/// What the file holds, by content. \throws Error
+/// Returns the kind of a file, by content. \throws Error
 FileKind detect(const std::filesystem::path& path);
 
 /// Reads a contact batch or an FCLIB problem, told apart by content. Shapes, offsets and types are checked; columns
@@ -146,7 +146,7 @@ struct CheckpointHead {
   std::int64_t step = 0;  ///< of CheckpointFile
 };
 
-/// Reads the head of a checkpoint alone, whether it is one file or in parts. What else it holds is not looked at.
+/// Reads the head of a checkpoint alone, whether it is one file or in parts. Its other contents are not looked at.
 /// \throws Error
 CheckpointHead read_checkpoint_head(const std::filesystem::path& path);
 
@@ -162,8 +162,8 @@ struct CheckpointShare {
   CheckpointBodies bodies;  ///< those that were asked for and are there
 };
 
-/// Reads some bodies of a checkpoint of `environments` environments. Of one in parts, the parts that they lie in are
-/// read, and no others. \throws Error
+/// Reads some bodies of a checkpoint of `environments` environments. If it is in parts, only the parts that hold them
+/// are read. \throws Error
 CheckpointShare read_checkpoint(const std::filesystem::path& path, Offset environments, CheckpointBodies bodies);
 
 /// Data that the parts of a checkpoint share (docs/reference/file_formats.md).
@@ -174,7 +174,7 @@ struct CheckpointParts {
   std::vector<std::int64_t> checksums;  ///< that write_checkpoint_part() returned              (parts)
 };
 
-/// Where part k of n of a checkpoint of that step lies: beside it.
+/// Returns the path of part k of n of a checkpoint of that step: beside it.
 std::filesystem::path checkpoint_part(const std::filesystem::path& path, std::int64_t step, std::int64_t k,
                                       std::int64_t n);
 /// Writes a part: a checkpoint of some bodies, with the contacts that they take part in. A contact may be in two parts.
