@@ -15,7 +15,7 @@ class BodyStructure {
   template <class Real>
   BodyStructure(const BodyBatchView<Real>& batch, bool with_depth);
 
-  /// Returns true if the batch has this very structure. Reads no array that a planned batch does not have.
+  /// Returns true if the batch has this structure. Reads no array that a planned batch does not have.
   template <class Real>
   [[nodiscard]] bool is_of(const BodyBatchView<Real>& batch) const;
 

@@ -19,12 +19,12 @@ def pinned(tool):
     return re.search(rf"^{tool}==([0-9.]+)$", text, re.MULTILINE)[1]
 
 
-def find(tool):
-    """Path of `tool` in its pinned version, beside this Python or on PATH, or None."""
+def find(tool, version="--version"):
+    """Path of `tool` in its pinned version, beside this Python or on PATH, or None. `version` makes it print its own."""
     for program in (shutil.which(tool, path=str(pathlib.Path(sys.executable).parent)), shutil.which(tool)):
         if program:
-            text = subprocess.run([program, "--version"], capture_output=True, text=True, check=False).stdout
-            if re.search(rf"(^|version ){re.escape(pinned(tool))}\b", text):
+            text = subprocess.run([program, version], capture_output=True, text=True, check=False).stdout
+            if re.search(rf"(^|version |^{tool} ){re.escape(pinned(tool))}\b", text, re.IGNORECASE):
                 return program
     return None
 

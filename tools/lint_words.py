@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """Finds words that promise later work, paths of one machine, comments without a subject, and names of tests in another
-style. Finds what grew too long: files, lines of prose, sentences (sentences.py says what one is).
+style. Finds sentences that begin without their subject (sentences.py says what one is), and files and lines of prose
+that grew too long. Long sentences are printed as warnings.
 
 Usage: lint_words.py [--root DIR] [--self-test]
 """
@@ -28,9 +29,9 @@ PERSON = re.compile(r"\b(who" r"ever|who" r"m|no" r"body|some" r"body|every" r"b
 # A reader comes to a declaration by name, not from the one above it.
 NO_SUBJECT = re.compile(r"\s*(?:///|/\*\*) (The same|Both|Else|All else)\b")
 MAX_WORDS = 25  # of a sentence, in pages, comments and docstrings
-# A sentence of the manual begins with its subject, not with a clause that stands in for it.
-HEADLESS = re.compile(r"[\W_]*(What|Whether|Where|Of|That|Those|Who)\b(?!['’])")
-MANUAL = re.compile(r"docs/")
+# A sentence begins with its subject, not with a clause that stands in for it.
+HEADLESS = re.compile(r"[\W_]*(What|Whether|Where|Of|That|Those|Who|So)\b(?!['’])")
+AS_WRITTEN = re.compile(r"bench/(results/.+|log)/")  # records of their day
 MAX_COLUMNS = 120  # of prose; tables, pictures and code are as wide as they are
 WIDE = re.compile(r"\||!\[|```|    |\t|\S+$")
 GENERATED = re.compile(r"bench/results/.+/")
@@ -77,10 +78,7 @@ def problems_of(path, text):
         for name in PYTHON_TEST.findall(text):
             if not PYTHON_NAME.match(name):
                 found.append(f"{path}: the test {name} is named test_sentence_in_snake_case")
-    if not GENERATED.match(path):
-        found += [f"{path}:{number}: a sentence of {words} words, '{sentence[:60]}...'; it has at most {MAX_WORDS}"
-                  for number, words, sentence in sentences.long_sentences(path, text, MAX_WORDS)]
-    if MANUAL.match(path) and suffix == ".md":
+    if not AS_WRITTEN.match(path):
         found += [f"{path}:{number}: a sentence begins with '{HEADLESS.match(sentence).group(1)}'; begin with its subject"
                   for number, sentence in sentences.sentences_of(path, text) if HEADLESS.match(sentence)]
     lines = text.count("\n")
@@ -89,6 +87,14 @@ def problems_of(path, text):
     if text and not text.endswith("\n"):
         found.append(f"{path}: no newline at the end")
     return found
+
+
+def warnings_of(path, text):
+    """Sentences about a file that do not fail the check."""
+    if GENERATED.match(path):
+        return []
+    return [f"{path}:{number}: warning: a sentence of {words} words, '{sentence[:60]}...'; make it {MAX_WORDS} at most"
+            for number, words, sentence in sentences.long_sentences(path, text, MAX_WORDS)]
 
 
 def tracked_files(root):
@@ -135,7 +141,8 @@ def sentence_cases():
         ("bench/results/here/a.md", words(26) + "\n", 0),
         ("docs/a.md", "What is left is zero. It is left.\n\n| Of a row |\n", 2),
         ("docs/a.md", "Whatever is left is zero. It says where.\n\n    That is code.\n", 0),
-        ("a.md", "What is left is zero.\n", 0),
+        ("bench/log/a.md", "What is left is zero.\n", 0),
+        ("a.hpp", "/// So it is.\n", 1),
     ]
 
 
@@ -170,17 +177,21 @@ def self_test():
         ("a.py", "x = 1\n" * (MAX_LINES + 1), 1),
         ("tests/support/golden/hashes.inc", "int x;\n" * (MAX_LINES + 1), 0),
     ]
-    failed = [(path, text[:40]) for path, text, expected in cases if len(problems_of(path, text)) != expected]
-    for path, text in failed:
-        print(f"self-test: {path} with {text!r} gave {problems_of(path, text)}")
+    found = [(path, text, problems_of(path, text) + warnings_of(path, text), expected) for path, text, expected in cases]
+    failed = [case for case in found if len(case[2]) != case[3]]
+    for path, text, sayings, _ in failed:
+        print(f"self-test: {path} with {text[:40]!r} gave {sayings}")
     print(f"self-test: {len(cases)} cases, {len(failed)} failed")
     return 1 if failed else 0
 
 
 def check_tree(root):
-    files = [name for name in tracked_files(root) if (root / name).suffix in TEXT and (root / name).is_file()]
-    return len(files), [problem for name in files
-                        for problem in problems_of(name, (root / name).read_text(encoding="utf-8"))]
+    texts = {name: (root / name).read_text(encoding="utf-8") for name in tracked_files(root)
+             if (root / name).suffix in TEXT and (root / name).is_file()}
+    for name, text in texts.items():
+        for warning in warnings_of(name, text):
+            print(warning)
+    return len(texts), [problem for name, text in texts.items() for problem in problems_of(name, text)]
 
 
 if __name__ == "__main__":

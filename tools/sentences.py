@@ -166,3 +166,18 @@ def long_sentences(path, text, max_words):
     """Triples (line number, words, sentence) of a file's sentences of more than `max_words` words."""
     return [(number, word_count(sentence), sentence) for number, unit in units_of(path, text)
             for sentence in sentences(unit) if word_count(sentence) > max_words]
+
+
+def messages(path, text):
+    """Pairs (line number, text) of the string literals of several words in a C++, CUDA, C or Python source."""
+    suffix = pathlib.PurePosixPath(path.removesuffix(".in")).suffix
+    if suffix in C_SUFFIXES:
+        found = [(text.count("\n", 0, match.start()) + 1, match[0].strip('"')) for match in C_TOKEN.finditer(text)
+                 if match[0].startswith('"')]
+    elif suffix == ".py":
+        tree = ast.parse(text)
+        found = [(node.lineno, node.value) for node in ast.walk(tree)
+                 if isinstance(node, ast.Constant) and isinstance(node.value, str)]
+    else:
+        found = []
+    return [(number, " ".join(message.split())) for number, message in found if len(message.split()) > 3]

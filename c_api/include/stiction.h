@@ -217,7 +217,7 @@ STICTION_API stiction_code stiction_derivative_jvp_jacobian(
     stiction_derivative* derivative, const stiction_jacobian_view* batch, const void* lambda,
     const stiction_status* status, const stiction_jacobian_numbers* tangents, const stiction_solution_numbers* changes,
     stiction_gradient_status* gradient_status, int64_t count, void* stream);
-/** Pulls cotangents of what so many sweeps of solver `pgs` return back to the batch and to where they began. It is the
+/** Pulls the results' cotangents of so many sweeps of solver `pgs` to the batch and to where they began. It is the
  * derivative of the iterations as they run: of a solve with tolerance 0, stall_window 0 and max_iterations =
  * sweeps->count. sweeps: a struct from stiction_sweeps_init. The other arguments as in stiction_derivative_vjp. */
 STICTION_API stiction_code stiction_derivative_unrolled_vjp(

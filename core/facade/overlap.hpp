@@ -111,7 +111,7 @@ auto arrays_of(const BodyBatchView<Real>& batch, const BodySolutionView<Real>& s
                     NamedArray::of("solution.status", solution.status, batch.env_count)};
 }
 
-/// Refuses overlaps of a first guess and the outputs. It may be the very array that it is a guess of: an environment's
+/// Refuses overlaps of a first guess and the outputs. It may be the array that it is a guess of: an environment's
 /// guess is read before its answer is written.
 inline void refuse_overlaps_of_guess(std::span<const NamedArray> outputs, std::size_t guessed,
                                      const NamedArray& guess) {

@@ -10,7 +10,7 @@
 
 namespace stiction::cpu {
 
-/// A barrier for a few threads that meet very often: waiters spin, and give their core away when it takes long. The
+/// A barrier for a few threads that meet often: waiters spin, and give their core away when it takes long. The
 /// phase each waits for is the barrier's own count, so it can be used again at once.
 class TeamBarrier {
  public:

@@ -85,7 +85,7 @@ struct DerivativePair {
 struct DerivativeKernels {
   DerivativePair exact;
   DerivativePair relaxed;
-  KernelRef unrolled_vjp;  ///< cotangents of what sweeps return back to their batches
+  KernelRef unrolled_vjp;  ///< pulls cotangents of sweeps to their batches
   KernelRef vjp_lanes;     ///< before `vjp` of J and M, a lane for each environment  (kernels/jacobian_vjp_program.hpp)
 };
 

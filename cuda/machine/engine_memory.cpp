@@ -191,7 +191,7 @@ bool Engine::may_take(int turn) const {
   return turn != kJacobiTurn || may_be_sparse(capacity) || capacity.env_dofs > 0;
 }
 
-/// Prepares every kernel that a solve may launch, under either law: the very first solve can be captured.
+/// Prepares every kernel that a solve may launch, under either law: the first solve can be captured.
 void Engine::prepare_launches(Precision precision) {
   const KernelCatalogue& kernels = api_.kernels();
   const auto p = static_cast<std::size_t>(precision);

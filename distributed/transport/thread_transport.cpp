@@ -122,7 +122,7 @@ class Post {
   [[nodiscard]] bool is_known(int to) const {
     for (int other = 0; other < ranks(); ++other) {
       const Rank& rank = ranks_[at(other)];
-      // Who waits for what was not sent goes on after its sender, which is a rank of this loop or the one that asks.
+      // A rank that waits for an unsent letter goes on after its sender, a rank of this loop or the one that asks.
       if (other == to || rank.has_ended || (rank.waits_for != nullptr && rank.waits_for->empty())) continue;
       const double goes_on =
           rank.waits_for == nullptr ? rank.clock : std::max(rank.clock, rank.waits_for->front().arrives);

@@ -30,7 +30,7 @@ def stepped_by_the_command_line(cli, folder, scene, envs, steps, dtype, *flags):
 
 
 def before_normalised(orientation):
-    """Quaternions that reset() normalises to these very bits: a unit quaternion of rounded numbers may not stay itself."""
+    """Quaternions that reset() normalises to these bits: a unit quaternion of rounded numbers may not stay itself."""
     found, missing = orientation.copy(), np.ones(orientation.shape[:-1], bool)
     for scale in 1 + np.arange(2000) / 2000:
         tried = (orientation * scale).astype(orientation.dtype)

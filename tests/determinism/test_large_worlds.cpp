@@ -14,7 +14,7 @@ namespace stiction::test {
 
 namespace {
 
-/// Bodies of scene pile that are more than are tested all against all.
+/// Bodies of scene pile, beyond the limit of tests in pairs.
 constexpr int kBodies = 150;
 
 template <class Real>

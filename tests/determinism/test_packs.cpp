@@ -94,7 +94,7 @@ std::vector<Environment<double>> crowd() {
   constexpr ConeOrder kOrders[] = {ConeOrder::shuffled, ConeOrder::friction_last, ConeOrder::friction_first};
   for (std::uint64_t e = 0; e < 200; ++e) {
     Recipe recipe;
-    recipe.seed = e % 3 == 0 ? e % kShapes : e;  // of one seed, the very same environment
+    recipe.seed = e % 3 == 0 ? e % kShapes : e;  // of one seed, the same environment
     recipe.contacts = 1 + static_cast<int>(e % kShapes);
     recipe.others = 1 + static_cast<int>(e / 2 % 2);
     recipe.friction_rows = 3;

@@ -11,7 +11,7 @@
 #include "tools/gpu_first/arrays.hpp"
 #include "tools/gpu_first/check.hpp"
 
-/// Captures and what goes on at once; the same solve many times; very many environments.
+/// Captures and what goes on at once; the same solve many times; many environments.
 namespace stiction::gpu_first {
 
 namespace {

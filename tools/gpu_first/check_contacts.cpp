@@ -40,7 +40,7 @@ void plan(Report& report) {
   const auto judge = [&](const std::string& part, const ContactBatch<double>& batch) {
     report.judge(part, test::difference_of_plans(*report.target()->api(), batch));
   };
-  std::mt19937 random(5);  // NOLINT(bugprone-random-generator-seed): these very batches everywhere
+  std::mt19937 random(5);  // NOLINT(bugprone-random-generator-seed): the same batches everywhere
   for (int k = 0; k < 10; ++k) judge("random " + std::to_string(k), test::random_structures(random));
   judge("ragged", test::ragged_batch(report.setting().full ? 40 : 2, 1));
   judge("mixed", test::scene_batch("mixed", report.setting().full ? 20000 : 60, 3));

@@ -1,7 +1,7 @@
 #include "tools/gpu_first/robot_case.hpp"
 #include "tools/gpu_first/timing.hpp"
 
-/// Recorded robots and piles: their bits, then how long very many of them take.
+/// Recorded robots and piles: their bits, then times of many of them.
 namespace stiction::gpu_first {
 
 namespace {

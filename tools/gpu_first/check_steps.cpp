@@ -50,7 +50,7 @@ Hashes warm_steps(const std::vector<test::Step<float>>& life, Offset envs, Targe
 }
 
 void warm_start(Report& report) {
-  std::mt19937_64 random(100);  // NOLINT(bugprone-random-generator-seed): this very life everywhere
+  std::mt19937_64 random(100);  // NOLINT(bugprone-random-generator-seed): the same life everywhere
   const int envs = report.setting().full ? 300 : 9;
   const auto life = test::random_life<float>(random, envs, 12);
   report.compare(

@@ -69,7 +69,7 @@ JacobianBatch<float> scene_batch(const char* scene, int size, std::size_t cones,
 /// Free velocities, each changed a little: by the sum of four uniform numbers, which is nearly normal and the same
 /// everywhere.
 std::vector<float> nudged(std::vector<float> velocities) {
-  std::mt19937_64 random(11);  // NOLINT(bugprone-random-generator-seed): these very numbers everywhere
+  std::mt19937_64 random(11);  // NOLINT(bugprone-random-generator-seed): the same numbers everywhere
   const auto uniform = [&] { return static_cast<double>(random() >> 11) * 0x1p-53 - 0.5; };
   for (float& v : velocities)
     v *= static_cast<float>(1 + kChange * std::sqrt(3.0) * (uniform() + uniform() + uniform() + uniform()));

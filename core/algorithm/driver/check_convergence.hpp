@@ -31,7 +31,7 @@ STICTION_HD void write_status(TeamT& team, const EnvView<Real>& env, EnvCode cod
 }
 
 /// Writes the safe answer for an environment that cannot be solved: lambda = 0. With invalid input w = 0 as well, since
-/// w = b could carry the very NaN; for an unsupported system w = b.
+/// w = b could carry the NaN; for an unsupported system w = b.
 template <Team TeamT, class Real>
 STICTION_HD_OUTLINE void reject(TeamT& team, const EnvView<Real>& env, SolverKind solver, std::uint32_t flags) {
   const bool unsupported =
@@ -155,7 +155,7 @@ STICTION_HD Allowance allowance(const StopRule& rule) {
 
 /// True when the environment is finished, and then its answer and status are written. The estimate the iteration works
 /// with only proposes a candidate. The residual that decides, and is reported, is computed in double from the batch's
-/// own numbers and the very bits of lambda that are returned.
+/// own numbers and the returned bits of lambda.
 template <class Method, Team TeamT, class Real, class System>
 STICTION_HD_OUTLINE bool evaluate_candidate(TeamT& team, const EnvView<Real>& env, const System& s,
                                             const StopRule& rule, const EnvPoll& poll, EnvProgress<Real>& progress) {

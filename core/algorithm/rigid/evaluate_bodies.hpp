@@ -7,7 +7,7 @@
 /// Answer and its error, in double and matrix-free, from the batch's own numbers.
 namespace stiction::inline STICTION_ISA {
 
-/// The impulse that is returned for row k of a contact if `x` is the best iterate: the very bits.
+/// The impulse that is returned for row k of a contact if `x` is the best iterate, to the bit.
 template <class Real, int kStride>
 STICTION_HD Real returned_impulse(const BodyEnv<Real>& env, const ContactTiles<Real, kStride>& x, Index p, Index k) {
   const Real value = x.at(k, p);

@@ -201,7 +201,7 @@ class Derivative {
            const JacobianBatchTangentView<Real>& tangents, const JacobianSolutionTangentView<Real>& changes,
            GradientStatus* status, Offset count = 1, StreamRef stream = StreamRef::default_stream()) const;
 
-  /// Pulls cotangents of what so many sweeps of solver `pgs` return back to the batch and to their warm start. It is
+  /// Pulls the results' cotangents of so many sweeps of solver `pgs` to the batch and to their warm start. It is
   /// the derivative of the iterations, not of the solution that they come near. The solve is one with tolerance 0,
   /// stall_window 0 and `max_iterations` = sweeps.count. Sweeps are run again in double, in the solver's own order, and
   /// kept. It takes 2 (n + sweeps) n doubles an environment of n rows, and n may not exceed `max_unknowns`. In the

@@ -27,7 +27,7 @@ enum class EnvCode : std::uint8_t {
 /// Number of EnvCode values; status counts are arrays of this length.
 inline constexpr int kEnvCodeCount = 8;
 
-/// What was noticed about one environment; any number of bits at once.
+/// Flags of one environment; any number of bits at once.
 enum EnvFlag : std::uint32_t {
   kFlagNonFiniteInput = 1U << 0,      ///< NaN or infinity in A, b, R or mu, or NaN in a bound
   kFlagNegativeFriction = 1U << 1,    ///< some mu < 0
@@ -43,8 +43,8 @@ enum EnvFlag : std::uint32_t {
   kFlagBadStructure = 1U << 10,       ///< offsets, cones or columns out of order or range, found on the device; of
                                       ///< this environment nothing but the status is written
   kFlagUnsupportedCone = 1U << 11,    ///< a cone that the solver cannot treat: lemke and friction not boxed; apgd,
-                                      ///< admm, newton, ipm and box_friction. Of semidefinite all but jacobi, apgd
-                                      ///< and admm. Not solved
+                                      ///< admm, newton, ipm and box_friction. Semidefinite and all but jacobi,
+                                      ///< apgd and admm. Not solved
   kFlagRay = 1U << 12,                ///< lemke ended on a ray: it found no solution, and there may be none
   kFlagImmovable = 1U << 13,          ///< a row of A + R that is zero and that its law asks to move: nothing can push
                                       ///< it. Its contact carries nothing, all others are solved

@@ -29,7 +29,7 @@ enum class ConeKind : std::uint8_t {
   semidefinite = 5,
 };
 
-/// Whether a cone has a normal row and then rows with mu: friction or box_friction.
+/// Returns true if a cone has a normal row and then rows with mu: friction or box_friction.
 STICTION_HD constexpr bool carries_friction(ConeKind kind) {
   return kind == ConeKind::friction || kind == ConeKind::box_friction;
 }
@@ -37,7 +37,7 @@ STICTION_HD constexpr bool carries_friction(ConeKind kind) {
 /// The largest number of rows of a friction cone: normal, two tangential, torsional, two rolling.
 inline constexpr Index kMaxConeRows = 6;
 
-/// Whether a cone of that kind can have so many rows.
+/// Returns true if a cone of that kind can have so many rows.
 STICTION_HD constexpr bool is_cone(ConeKind kind, Offset rows) {
   if (carries_friction(kind)) return rows >= 2 && rows <= kMaxConeRows;
   if (kind == ConeKind::semidefinite) return rows == 3 || rows == 6;

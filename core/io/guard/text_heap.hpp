@@ -18,7 +18,7 @@ inline constexpr std::size_t kTextReference = 16;
 
 /// Reads strings of variable length out of a file's global heaps (HDF5 file format specification, III.E). It does so
 /// in place of HDF5, which trusts length, address and index. One flipped bit in a reference makes 1.10.8 read outside
-/// of the heap, loop for ever, or clear four gigabytes.
+/// of the heap, loop forever, or clear four gigabytes.
 class TextHeap {
  public:
   /// `base`: where addresses count from.

@@ -135,7 +135,7 @@ class SolverBase:
 
 
 class _CachedCall:
-    """A solve as it was, for as long as the very same objects are given again. A training loop calls with nothing else, and
+    """A solve as it was, for as long as the same objects are given again. A training loop calls with nothing else, and
     in a call that finds its caches empty every line of Python that does not run counts.
     """
 

@@ -59,8 +59,8 @@ class Metric:
         self._kept = []
 
     def before(self, core, data):
-        """Gives the gathered batch the metrics of these simulations for their mass matrices. Keeps the accelerations
-        that MuJoCo has found for free bodies which nothing touches: they are implicit in the spin, and no constraint's
+        """Gives the gathered batch the metrics of these simulations for their mass matrices. Keeps MuJoCo's
+        accelerations of free bodies that nothing touches: they are implicit in the spin, and no constraint's
         concern."""
         model, possible = self._model, _functions()[1]
         self._kept = [(one, first, one.qacc[first:first + 6].copy()) for one in data for joint, first in self._free

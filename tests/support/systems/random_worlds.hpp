@@ -15,7 +15,7 @@ struct RandomWorld {
   int bodies = 60;
   double spread = 1;      ///< half width of the cube that bodies begin in [m]
   double size_ratio = 4;  ///< of the largest shape to the smallest
-  bool broken = false;    ///< some bodies are nowhere, infinitely far, or very fast
+  bool broken = false;    ///< some bodies are nowhere, infinitely far, or too fast
 };
 
 inline WorldShape random_shape(Index body, double size_ratio, std::mt19937_64& random) {

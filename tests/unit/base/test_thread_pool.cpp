@@ -99,7 +99,7 @@ std::ptrdiff_t threads_of_this_process() {
   return std::distance(std::filesystem::directory_iterator("/proc/self/task"), {});
 }
 
-/// One that is on its way to sleep may hold a lock for which the child's exit would wait for ever. It happens once in
+/// One that is on its way to sleep may hold a lock for which the child's exit would wait forever. It happens once in
 /// thousands of forks, so the test asks for what rules it out.
 TEST(ThreadPoolFork, NoWorkerOfOneTbbIsThereWhenTheProcessForks) {
   if (!cpu::has_pool(cpu::PoolKind::tbb)) GTEST_SKIP() << "built without oneTBB";

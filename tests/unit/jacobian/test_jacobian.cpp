@@ -148,7 +148,7 @@ JacobianEnvironment<double> side_by_side(const JacobianEnvironment<double>& one,
 }
 
 TEST(Jacobian, RobotsThatDoNotTouchHaveTheBitsOfEachAlone) {
-  // Their zeros are skipped in ways that depend on where in a vector and in a word of 64 columns they are.
+  // Their zeros are skipped in ways that depend on their places in a vector and in words of 64 columns.
   for (const Index dofs : {5, 8, 27, 59, 64, 66}) {
     const auto one = random_jacobian({static_cast<std::uint64_t>(dofs), 4, 2, dofs, 0});
     const auto two = random_jacobian({static_cast<std::uint64_t>(100 + dofs), 6, 3, 13, 0});

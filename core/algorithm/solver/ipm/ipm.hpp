@@ -75,7 +75,7 @@ struct Ipm {
   static STICTION_HD void refresh(TeamT&, System&, Mask<typename System::Real>) {}
 
  private:
-  /// motion = A x + b + shift, the shift being norm(y_t) of this very motion. Returns the work of the shift's change.
+  /// motion = A x + b + shift, the shift being norm(y_t) of the same motion. Returns the work of the shift's change.
   template <Law kLaw, Team TeamT, class System>
   static STICTION_HD_OUTLINE double refresh_motion_wide(TeamT& team, const System& s, const IpmSpace& p) {
     multiply_wide(team, s, p, p.x, [&](Index i, double value) { p.motion[i] = value + static_cast<double>(s.b[i]); });
