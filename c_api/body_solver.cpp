@@ -10,7 +10,7 @@ namespace stiction::c {
 
 namespace {
 
-/// A solver with its latest plans: of a host batch with what it was made from, and of a batch in device memory.
+/// A solver with its latest plans: of a host batch with its structure, and of a batch in device memory.
 struct PlannedBodies {
   struct HostPlan {
     BodyPlan plan;

@@ -70,7 +70,7 @@ Numbers numbers_of(const Batch& batch, const C& from) {
   return numbers;
 }
 
-/// Cotangents or tangents of what was solved for, of a batch without velocities.
+/// Cotangents or tangents of the solved unknowns, of a batch without velocities.
 template <class Number>
 SolutionNumbers<Number> solution_numbers(const stiction_solution_numbers& from) {
   return {static_cast<Number*>(from.lambda), static_cast<Number*>(from.w)};

@@ -10,7 +10,7 @@ namespace stiction::c {
 /// Keeps the text of the exception being handled for this thread, and says which code it is.
 stiction_code remember_failure() noexcept;
 
-/// Runs f; what it throws becomes a code and this thread's text.
+/// Runs f; its exceptions become a code and this thread's text.
 template <class F>
 stiction_code guarded(F&& f) noexcept {
   try {

@@ -21,7 +21,7 @@ auto& jacobian_solvers() {
   return table;
 }
 
-/// A caller's capacity with what its batches need filled in.
+/// A caller's capacity with its batches' needs filled in.
 void set_need(stiction_jacobian_capacity& capacity, const JacobianCapacity& need) {
   capacity.envs = need.envs;
   capacity.rows = need.rows;

@@ -12,7 +12,7 @@ void need_host(MemorySpace space);
 template <class Real>
 void need_valid(const ContactBatchView<Real>& batch, SolverKind solver);
 
-/// \throws Error(invalid_argument) with the first defect of what offsets, counts and columns say alone.
+/// \throws Error(invalid_argument) with the first defect of offsets, counts and columns alone.
 template <class Real>
 void need_sound(const ContactBatchView<Real>& batch);
 

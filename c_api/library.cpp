@@ -19,7 +19,7 @@ bool is_byte(std::int32_t value) {
   return value >= 0 && value <= 255;
 }
 
-/// "cpu", "cuda:1", "emulated": what stiction_solver_create takes.
+/// "cpu", "cuda:1", "emulated": a name for stiction_solver_create.
 std::string device_name(const DeviceReport& report) {
   switch (report.device.kind) {
     case DeviceKind::cpu:

@@ -6,8 +6,8 @@
 #include "c_api/defaults.hpp"
 #include "c_api/errors.hpp"
 
-/// Structs of callers that may have been compiled against another version of the library. They begin with `size`; what
-/// a later version appends comes after what was there, in whole multiples of the struct's alignment.
+/// Structs of callers that may have been compiled against another version of the library. They begin with `size`; a
+/// later version appends its fields after those there were, in whole multiples of the struct's alignment.
 namespace stiction::c {
 
 /// \throws Error(invalid_argument) unless `size` may be that of a struct of `whole` bytes from which some are missing.

@@ -51,7 +51,7 @@ struct ToC {
   }
 };
 
-/// How many there are of what: the same in C and C++, both ways.
+/// Copies counts by name: the same in C and C++, both ways.
 template <class To, class From>
 void copy_counts(To& to, const From& from) {
   to.env_count = from.env_count;

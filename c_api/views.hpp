@@ -7,7 +7,7 @@
 #include "stiction/solver.hpp"
 #include "stiction/stepping.hpp"
 
-/// Structs of C as those of C++. Arrays are passed on as they are. `name`: what an error calls the argument.
+/// Structs of C as those of C++. Arrays are passed on as they are. `name`: the argument's name in an error.
 /// \throws Error(invalid_argument) for an enumerator that there is not.
 namespace stiction::c {
 

@@ -11,9 +11,9 @@ namespace stiction::cli {
 /// (docs/math/si.md).
 bool is_sweeping(const std::string& solver);
 
-/// How bodies are solved, from --solver and --preconditioner: sequential impulses, or Newton's method with a
-/// preconditioner, of which multigrid has a name of its own. \throws Error(invalid_argument) for other names, and for a
-/// preconditioner of what has none.
+/// Sets the method from --solver and --preconditioner: sequential impulses, or Newton's method with a
+/// preconditioner, of which multigrid has a name of its own. \throws Error(invalid_argument) for other names, and for
+/// a preconditioner of a method without one.
 void choose_body_method(const std::string& solver, const std::optional<std::string>& preconditioner,
                         BodySolverOptions& options);
 

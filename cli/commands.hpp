@@ -49,7 +49,7 @@ struct SolveArguments {
   std::string device = "auto";
   std::string precision = "f64";
   std::string law = "file";
-  std::string form = "matrix";  ///< what is solved of the file: matrix (A), jacobian (J and M), or bodies (of J and M)
+  std::string form = "matrix";  ///< form that is solved: matrix (A), jacobian (J and M), or bodies (of J and M)
   std::string islands = "together";
   std::string choose = "named";
   std::string blocks = "cones";

@@ -10,7 +10,7 @@
 
 namespace stiction::cli {
 
-/// How busy a GPU was.
+/// Use of a GPU.
 struct GpuUse {
   std::optional<double> share;  ///< of the time in which kernels ran, of any program: mean of the samples, 0 to 1
   int samples = 0;
@@ -35,7 +35,7 @@ class GpuMeter {
   GpuMeter(const GpuMeter&) = delete;
   GpuMeter& operator=(const GpuMeter&) = delete;
 
-  /// Ends sampling. A second call returns what the first did.
+  /// Ends sampling. A second call returns the result of the first.
   GpuUse end();
 
  private:

@@ -11,7 +11,7 @@ namespace stiction::cli {
 /// fails.
 void write_graph(const std::filesystem::path& path, const std::string& dot, bool clusters);
 
-/// Refuses what write_graph would refuse for its extension, before any work is done.
+/// Refuses extensions that write_graph would refuse, before any work is done.
 void require_graph_path(const std::filesystem::path& path);
 
 }  // namespace stiction::cli

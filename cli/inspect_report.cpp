@@ -119,7 +119,7 @@ std::ptrdiff_t count(const Features& features, Definiteness definiteness) {
   return count(features, [&](const OperatorAnalysis& seen) { return seen.definiteness == definiteness; });
 }
 
-/// How many environments have a condition number, how many of those to kSettledError, and how many have no inverse.
+/// Counts of environments with a condition number, of those to kSettledError, and of those without an inverse.
 struct ConditionCounts {
   std::ptrdiff_t estimated, settled, singular;
 };

@@ -22,7 +22,7 @@ struct InspectReport {
   std::vector<std::string> warnings;
 };
 
-/// Broken preconditions, then what a solver may find hard.
+/// Broken preconditions, then properties that a solver may find hard.
 std::vector<std::string> warnings(const Features& features, const std::vector<Defect>& defects);
 
 std::string to_json(const InspectReport& report);

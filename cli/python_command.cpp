@@ -12,7 +12,7 @@ namespace stiction::cli {
 
 namespace {
 
-/// A package that is missing is said in a sentence; what a command lacks, the command says.
+/// A missing package is named in a sentence; the command itself names other faults.
 constexpr const char* kProgram = R"(
 import sys
 try:

@@ -19,7 +19,7 @@ namespace stiction::cli {
 
 struct Seconds {
   double load = 0, plan = 0, solve = 0;
-  ThreadUse threads;  ///< what threads did in `solve`
+  ThreadUse threads;  ///< use of threads in `solve`
 
   void take(Timing timing) {
     solve = timing.seconds;
@@ -34,7 +34,7 @@ struct SolveReport {
   Law law = Law::convex;
   Precision precision = Precision::f64;
   int threads = 0;                         ///< 0: not a matter of CPU threads
-  std::string form = "matrix";             ///< what was solved: matrix, jacobian or bodies
+  std::string form = "matrix";             ///< form that was solved: matrix, jacobian or bodies
   std::string solver;                      ///< its name
   std::string preconditioner{};            ///< of bodies' Newton's method, empty: none
   bool asynchronous = false;               ///< whether threads waited for no colour

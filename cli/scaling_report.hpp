@@ -23,7 +23,7 @@ struct ScalingPoint {
 struct ScalingSeries {
   std::vector<ScalingPoint> points;
 
-  /// How many times the first point's environments per second; none where no time was measured.
+  /// Environments per second over those of the first point; none where no time was measured.
   [[nodiscard]] std::optional<double> speedup(const ScalingPoint& point) const;
   /// The speed-up over how many times the first point's threads there are; 1 is perfect. This holds for strong
   /// scaling, the same environments, as for weak scaling, where environments grow with the threads.

@@ -14,8 +14,8 @@ namespace stiction::cli {
 std::optional<io::SolutionShard> shard_from_option(const std::optional<std::string>& text);
 
 /// The environments of a part, of so many in the file: as even as can be, as stiction.distributed.Shard.split deals
-/// them out. Completes `shard` with what parts of one solution have in common. `warm_start` holds reactions
-/// of the whole file, or nothing. \throws Error(io) if the file cannot be read.
+/// them out. Completes `shard` with the data common to parts of one solution. `warm_start` holds reactions of the
+/// whole file, or nothing. \throws Error(io) if the file cannot be read.
 std::vector<Offset> describe_shard(const SolveArguments& arguments, const std::vector<double>& warm_start,
                                    Offset environments, const SolveReport& report, io::SolutionShard& shard);
 

@@ -57,12 +57,12 @@ JacobianBatch<Real> jacobians_of(const std::string& file, const io::Recording& r
   }
 }
 
-/// A file's environments, or a shard's, and what is solved of them.
+/// A file's environments, or a shard's, and the problem solved for them.
 template <class Real>
 struct SolveInput {
   LoadedBatch loaded;
   std::optional<ContactBatch<double>> part;      ///< a shard's environments
-  std::optional<PyramidBatch<double>> pyramids;  ///< what is solved in place of friction cones
+  std::optional<PyramidBatch<double>> pyramids;  ///< problem solved in place of friction cones
   std::vector<double> warm_start;                ///< of file_batch(); empty: none
   std::vector<Offset> order;                     ///< environments as they are solved; empty: in the file's order
   Work<Real> work;
@@ -74,7 +74,7 @@ struct SolveInput {
   [[nodiscard]] const ContactBatch<double>& batch() const { return pyramids ? pyramids->batch : file_batch(); }
 };
 
-/// Reads the file and makes of it what is solved. Describes it in the report.
+/// Reads the file and makes the problem to solve. Describes it in the report.
 template <class Real>
 SolveInput<Real> load_input(const SolveArguments& arguments, SolveReport& report) {
   const auto policy = arguments.isolate ? ValueDefects::keep : ValueDefects::refuse;

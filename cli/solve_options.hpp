@@ -17,7 +17,7 @@ BodySolverOptions body_options(const SolveArguments& arguments, const SolverOpti
 /// When a batch is recorded, of --record-when.
 io::RecordWhen record_when(const std::string& text);
 
-/// Refuses what can be refused before the file is read, let alone solved. \throws Error(invalid_argument)
+/// Refuses invalid options before the file is read, let alone solved. \throws Error(invalid_argument)
 void check_solve_arguments(const SolveArguments& arguments);
 
 }  // namespace stiction::cli

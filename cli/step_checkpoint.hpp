@@ -14,7 +14,7 @@ namespace stiction::cli {
 /// State of a run of `stiction step`, in a file that a run with the same arguments goes on from.
 class StepCheckpoint {
  public:
-  /// `options` and `arguments` say what reaches the run's bits. Without arguments.checkpoint nothing is read or
+  /// `options` and `arguments` determine the run's bits. Without arguments.checkpoint nothing is read or
   /// written.
   StepCheckpoint(const StepArguments& arguments, const WorldOptions& options);
 
@@ -38,7 +38,7 @@ class StepCheckpoint {
   [[nodiscard]] io::CheckpointFile file_of(std::int64_t step, const WorldCheckpoint<Real>& world) const;
 
  private:
-  /// Before anything else of the file is read, so that what is told of one of another run is that it is.
+  /// Called before anything else of the file is read, so that a file of another run is named as such.
   void check() const;
   [[nodiscard]] bool is_there() const;
 

@@ -29,7 +29,7 @@ double deepest_of(const BodyBatchView<Real>& contacts, Offset env);
 template <class Real>
 std::vector<EnvSeen> see(const World<Real>& world);
 
-/// Watches a world step by step; what docs/howto/stepping.md calls residuals, quality, energy and momentum.
+/// Watches a world step by step: residuals, quality, energy and momentum of docs/howto/stepping.md.
 class StepMonitor {
  public:
   /// A world of that description that moves as `motion` says. Residuals above `tolerance` lower the quality. `steps`

@@ -42,7 +42,7 @@ struct StepReport {
   [[nodiscard]] double rate() const;
   /// Share of the steps' time that the solve took.
   [[nodiscard]] double solver_share() const;
-  /// Processor time over what all threads had.
+  /// Processor time over the time of all threads.
   [[nodiscard]] double utilisation() const;
 };
 

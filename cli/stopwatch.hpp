@@ -12,7 +12,7 @@ inline double seconds_since(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
 }
 
-/// A call's time in seconds, and what threads did in it.
+/// A call's time in seconds, and the use of its threads.
 struct Timing {
   double seconds = 0;
   ThreadUse threads;

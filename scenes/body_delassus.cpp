@@ -3,8 +3,8 @@
 #include "scenes/body_scenes.hpp"
 #include "scenes/geometry.hpp"
 
-// Written from docs/howto/bodies.md and from no header of core/algorithm: it is what the matrix-free solver is checked
-// by.
+// Written from docs/howto/bodies.md and from no header of core/algorithm: it checks the matrix-free
+// solver.
 
 namespace stiction::scenes {
 namespace {

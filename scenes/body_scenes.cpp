@@ -12,7 +12,7 @@ namespace {
 constexpr double kRadius = 0.05;            // [m]
 constexpr double kDensity = 1000;           // [kg/m^3]
 constexpr double kTouching = 5e-4;          // pairs nearer than this have a contact [m]
-constexpr double kContactsPerSphere = 3.3;  // what the shaken packing gives
+constexpr double kContactsPerSphere = 3.3;  // result of the shaken packing
 // Random numbers that a sphere takes, and then a body.
 constexpr std::uint64_t kBallNumbers = 4, kBodyNumbers = 6;
 

@@ -45,8 +45,8 @@ SceneEnv make_chain(Rng& rng, int links) {
 }
 
 SceneEnv make_column(Rng& rng, int count) {
-  // Velocities are perturbed by a thousandth of g dt only. Every contact stays closed, and what a solver needs is the
-  // n^2 law of the tridiagonal matrix, undisturbed.
+  // Velocities are perturbed by a thousandth of g dt only. Every contact stays closed, and a solver needs the n^2 law
+  // of the tridiagonal matrix, undisturbed.
   const double perturbation = 1e-3 * kGravity * kTimeStep;
   Multibody bodies;
   for (int k = 0; k < count; ++k) {

@@ -40,7 +40,7 @@ int contact_count(const SceneEnv& env) {
 }
 
 SceneEnv pile_within(Rng& rng, int limit) {
-  // How many contacts spheres settle into is only known afterwards; each try continues the same random stream.
+  // The number of contacts that spheres settle into is known afterwards; each try continues the random stream.
   int spheres = (limit + 2) / 3;
   SceneEnv env = make_pile(rng, spheres);
   while (contact_count(env) > limit && spheres > 1) {

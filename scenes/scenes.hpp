@@ -37,8 +37,8 @@ struct SceneInfo {
 std::vector<SceneInfo> list();
 
 /// Makes environment `index` of the scene `name`. It depends on (name, seed, index, size) alone, never on how many the
-/// caller makes, and has the same bits from every compiler. `size` 0 is the scene's default; scenes/README.md says what
-/// it counts.
+/// caller makes, and has the same bits from every compiler. `size` 0 is the scene's default; scenes/README.md gives
+/// its unit.
 /// \throws Error(invalid_argument) for a name that is not in list() or a size out of the scene's range.
 SceneEnv make(const std::string& name, std::uint64_t seed, std::uint64_t index, int size = 0);
 

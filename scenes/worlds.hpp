@@ -6,7 +6,7 @@
 
 #include "stiction/world.hpp"
 
-/// Worlds to step (docs/howto/stepping.md): what `stiction step` runs.
+/// Worlds to step (docs/howto/stepping.md), those of `stiction step`.
 namespace stiction::scenes {
 
 /// Positions, orientations and twists of one environment's bodies, shapes as in WorldState.

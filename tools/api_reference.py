@@ -5,9 +5,9 @@
     tools/api_reference.py --check       names every public symbol without a comment
     tools/api_reference.py --self-test   checks that planted ones are found
 
-Public is what the headers declare outside namespace detail: classes and their public members, functions, enumerations
-with their values, constants, types. Members that the language writes (copies, moves, destructors, defaults) need no
-comment. A comment behind several names of one type is about each of them.
+Public are the declarations of the headers outside namespace detail: classes and their public members, functions,
+enumerations with their values, constants, types. Members that the language writes (copies, moves, destructors,
+defaults) need no comment. A comment behind several names of one type is about each of them.
 
 Exit status 0 clean, 1 symbols without a comment, 77 that doxygen is not here (CTest counts it as skipped).
 """
@@ -39,7 +39,7 @@ class Interface:
     index: str   # page that lists them
     headers: str  # folder of the headers
     pattern: str
-    include: str  # what an #include puts before a header's name
+    include: str  # prefix of a header's name in an #include
     intro: str
 
 
@@ -112,7 +112,7 @@ class Reference:
     def __init__(self, interface, source=None):
         self.interface = interface
         self.headers = {}
-        self.about = {}  # header -> what its \file comment says
+        self.about = {}  # header -> text of its \file comment
         self.links = {}  # Doxygen's id -> (header, anchor)
         classes = {}
         rest = []
@@ -186,7 +186,7 @@ class Reference:
         return found
 
     def contents(self):
-        """(page, what it is about), the index first."""
+        """(page, subject), the index first."""
         yield self.interface.index, f"every name of the {self.interface.language} interface, by header"
         for header in self.headers:
             about = plain(self.about[header].find("detaileddescription"))

@@ -9,7 +9,7 @@ C from the comments of their headers (tools/api_reference.py).
 
     tools/build_site.py FOLDER [--stage FOLDER]      the site; the pages it is built from (default: FOLDER-pages)
 
-Needs what tools/requirements-site.txt names, and doxygen.
+Needs the packages of tools/requirements-site.txt, and doxygen.
 """
 
 import argparse
@@ -37,7 +37,7 @@ LANGUAGES = {".hpp": "cpp", ".cpp": "cpp", ".cu": "cpp", ".cuh": "cpp", ".h": "c
 HIDDEN = "---\nsearch:\n  exclude: true\n---\n\n"
 FIRST = "---\nsearch:\n  boost: 8\n---\n\n"  # a name is looked for where it is described
 API = "docs/python_api.md"
-ARENA = ("bench/arena/page.py", "bench/results/amd-epyc-2-cores/arena.json")  # what makes the leaderboard, and of what
+ARENA = ("bench/arena/page.py", "bench/results/amd-epyc-2-cores/arena.json")  # program of the leaderboard, and input
 FORMULA = re.compile(r"^ {0,3}```math\n(.*?)^ {0,3}```$", re.M | re.S)
 TAG = re.compile(r"\\tag\{([^}]*)\}")
 PAGE_NAME = re.compile(r"[\w./-]+\.md")
@@ -104,7 +104,7 @@ class Stage:
         return opening
 
     def _target(self, page, target):
-        """The link's target as the site has it; what it leads to is staged."""
+        """The link's target as the site has it; its page is staged."""
         if re.match(r"[a-z]+:|#", target):
             return target
         path, _, fragment = target.partition("#")
@@ -134,7 +134,7 @@ class Stage:
     def _file_page(self, name):
         """An image or a table stays a file; text becomes a page that shows it."""
         source = ROOT / name
-        suffix = pathlib.PurePath(name.removesuffix(".in")).suffix  # a template is shown as what is made of it
+        suffix = pathlib.PurePath(name.removesuffix(".in")).suffix  # a template is shown as its result
         language = LANGUAGES.get(suffix, "text" if not suffix else None)
         if language is None:
             to = self._folder / name
@@ -151,7 +151,7 @@ class Stage:
 
 
 def sections():
-    """docs/index.md as (heading, [(title, path, what it holds)])."""
+    """docs/index.md as (heading, [(title, path, description)])."""
     text = (ROOT / "docs/index.md").read_text(encoding="utf-8")
     found = []
     for part in re.split(r"^## ", text, flags=re.M)[1:]:

@@ -4,8 +4,8 @@
     check_fused.py [--objdump PROGRAM] OBJECT ...
     check_fused.py --self-test
 
-Fused is only what says fma_() (docs/explanation/numerics.md, rule 3), but compilers fuse in spite of -ffp-contract=off. GCC 12
-does where its vectoriser of straight-line code puts a sum and a difference of products side by side. Every fused
+Only fma_() fuses (docs/explanation/numerics.md, rule 3), but compilers fuse in spite of -ffp-contract=off. GCC 12 does
+where its vectoriser of straight-line code puts a sum and a difference of products side by side. Every fused
 instruction of x86 or AArch64 is therefore looked up in the object's line table (-g1, which changes no instruction). An
 instruction that a compiler fuses has the line of the sum, so a line with a binary + or - and without fma_() is a
 finding. An instruction that fma_() requested keeps the line of fma_() or of its intrinsic. Or it takes that of a
@@ -34,7 +34,7 @@ FUSED = re.compile(r"\t(vfn?m(?:add|sub|addsub|subadd)[0-9]*[ps][sd]|fn?m(?:add|
 ALTERNATING = re.compile(r"vfm(?:addsub|subadd)")
 INTRINSICS = re.compile(r"/(?:(?:fma|avx512[a-z]*)intrin|arm_neon)\.h$")
 WRITTEN = re.compile(r"\bfma_\(|__builtin_fmaf?\(")
-SUM = re.compile(r"\s[+-]=?(?:\s|$)")  # clang-format puts spaces around what has two operands
+SUM = re.compile(r"\s[+-]=?(?:\s|$)")  # clang-format puts spaces around binary operators
 # Lines that GCC names for a fused operation which is written elsewhere, each read in the disassembly.
 MISPLACED = {
     # The z of this difference is proximal_point()'s fma_(-step, y, z); its product a x is rounded before, by a vmulsd.

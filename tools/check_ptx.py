@@ -8,7 +8,8 @@ is written.
 
 The PTX that is checked is the text from which ptxas made the machine code beside it. Nothing is compiled again, and no
 GPU is needed. Every object must hold PTX for every architecture named, with every kernel of its machine code. The
-compile commands show what PTX does not: the flags. Why these rules: docs/explanation/numerics.md. Exit status 1 on a finding.
+compile commands show the flags, which PTX does not. Why these rules: docs/explanation/numerics.md. Exit status 1 on a
+finding.
 """
 
 import argparse
@@ -102,8 +103,8 @@ def check_text(text, label):
 
 
 def flag_problem(command):
-    """Returns what the floating-point policy misses in a command, or None. Not seen in the PTX: a product and a sum
-    that nvcc fused on its own look like an fma that was written."""
+    """Returns the flags that the floating-point policy misses in a command, or None. Not seen in the PTX: a product
+    and a sum that nvcc fused on its own look like an fma that was written."""
     text = " ".join(command)
     missing = [flag for flag in REQUIRED_FLAGS if flag not in text]
     if missing:

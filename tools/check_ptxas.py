@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Compares what the machine code of every kernel needs with what cuda/native/kernel_budget.csv allows it.
+"""Compares the needs of every kernel's machine code with its limits in cuda/native/kernel_budget.csv.
 
     check_ptxas.py --budget BUDGET.csv --compiler VERSION --arch 80 --arch 90 OBJECT ...
     check_ptxas.py ... --update             writes the table anew
@@ -23,13 +23,13 @@ import sys
 import fatbin
 
 HEADER = ["kernel", "arch", "registers", "stack", "barriers", *fatbin.OPERATIONS, "instructions"]
-# Allowance of a kernel beyond its line: a share for what moves with any change, nothing for what costs at once.
+# Allowance of a kernel beyond its line: a share for numbers that move with any change, nothing for costly ones.
 ALLOWANCE = {"registers": 0.1, "stack": 0.0, "barriers": 0.0, **dict.fromkeys(fatbin.OPERATIONS, 0.1), "instructions": 0.1}
 ENUMERATORS = {"Law": ["convex", "coulomb", "boxed"], "EnvPath": ["empty", "dense", "sparse", "factor"]}
 
 
 def readable(names):
-    """Demangled names with what all kernels have in common left out: `run_teams<Program>` is its program."""
+    """Demangled names without the parts common to all kernels: `run_teams<Program>` is its program."""
     run = subprocess.run(["c++filt"], input="\n".join(names), capture_output=True, text=True, check=True)
     short = []
     for name in run.stdout.splitlines()[:len(names)]:

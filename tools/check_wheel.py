@@ -4,7 +4,7 @@
     check_wheel.py --glibc 2.28 WHEEL.whl
 
 Each module may need the C library up to that version, the loader, libgcc_s, and no other library. It has kernels for AVX2 and
-AVX-512 (x86-64), reads files, and holds nothing of METIS or SuiteSparse. The licences of what is inside are beside it.
+AVX-512 (x86-64), reads files, and holds nothing of METIS or SuiteSparse. The licences of the contents are beside it.
 Exit status 1 on a finding, 77 without readelf.
 """
 
@@ -19,7 +19,7 @@ import zipfile
 
 NEEDED = re.compile(r"\(NEEDED\)\s+Shared library: \[(.*)\]")
 VERSION = re.compile(r"Name: (GLIBC|GLIBCXX|CXXABI|GCC)_([0-9.]+)")
-SYSTEM = re.compile(r"(lib(c|m|dl|rt|pthread|gcc_s)\.so\.\d+|ld-linux-[a-z0-9-]+\.so\.\d+)$")  # of glibc; what unwinds
+SYSTEM = re.compile(r"(lib(c|m|dl|rt|pthread|gcc_s)\.so\.\d+|ld-linux-[a-z0-9-]+\.so\.\d+)$")  # of glibc; the unwinder
 GCC = "7.0.0"  # of libgcc_s.so.1, as manylinux_2_28 has it
 LICENCES = {"LICENSE", "LICENSE.hdf5", "LICENSE.zlib", "LICENSE.nanobind", "LICENSE.robin-map", "LICENSE.zig"}
 INSIDE = {b"avx2": "kernels for AVX2", b"avx512": "kernels for AVX-512", b"HDF5 library version": "HDF5"}
@@ -31,7 +31,7 @@ def version_of(text):
 
 
 def findings_of_module(name, listing, contents, glibc, machine="x86_64"):
-    """Sentences about one module: `listing` is what readelf says of it, `contents` its bytes."""
+    """Sentences about one module: `listing` is readelf's output, `contents` its bytes."""
     found = [f"{name} needs {library}" for library in NEEDED.findall(listing) if not SYSTEM.match(library)]
     for kind, version in sorted(set(VERSION.findall(listing))):
         newest = {"GLIBC": glibc, "GCC": GCC}.get(kind)

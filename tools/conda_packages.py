@@ -5,7 +5,7 @@
 
 `build` takes compilers and libraries from conda-forge. `stand-ins` makes packages of the same names in their place. They hold
 nothing where the system's own compiler or library is found in any case, and PyPI's package where one is Python's. It
-runs the recipe's own steps and tests; what conda-forge's packages would do, it does not show. The last line is: N
+runs the recipe's own steps and tests, and does not show the effect of conda-forge's packages. The last line is: N
 passed, M failed, K skipped; exit status 77 where conda-forge is out of reach.
 """
 
@@ -69,7 +69,7 @@ def expected_packages():
 
 
 def end_of_log(folder, name):
-    """The last lines of what a package's build script said. rattler-build's own error does not have them."""
+    """The last lines of a package's build script. rattler-build's own error does not have them."""
     builds = (folder / "packages" / "bld").glob(f"rattler-build_{name}_*")
     logs = sorted((build / "work" / "conda_build.log" for build in builds), key=lambda log: log.stat().st_mtime)
     lines = logs[-1].read_text(errors="replace").splitlines()[-LOG_LINES:] if logs else ["its script left no log"]

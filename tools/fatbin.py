@@ -1,4 +1,4 @@
-"""Reads the device code out of objects that nvcc wrote: PTX and machine code, with what the latter says about its kernels.
+"""Reads the device code out of objects that nvcc wrote: PTX and machine code, with its kernels' own numbers.
 
 The container ("fatbin") is a header and images one after the other; machine code is an ELF file whose .nv.info
 sections hold attributes of kernels. Neither is documented by NVIDIA. Both are checked here as far as they are used, so

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Checks what each room of the Python package imports of the others.
+"""Checks the imports of each room of the Python package from the others.
 
 Usage: lint_imports.py [--root DIR] [--self-test]
 

@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""Checks what each folder may include, and the few words that belong in one place only.
+"""Checks the includes of each folder, and the few words that belong in one place only.
 
 Usage: lint_includes.py [--root DIR] [--self-test]
 
-The table below is the architecture: one row per folder, what its files may include. A file may include something else,
-or use a word that a rule keeps out of its folder. It is then reported as `file:line: sentence` and the exit status
-is 1. Comments and string literals are not read. A template (*.in), of which CMake makes a source for each solver, is
-checked as that source. A name in @s that it includes is one of the folder before it.
+The table below is the architecture: one row per folder, with the includes allowed to its files. A file may include
+something else, or use a word that a rule keeps out of its folder. It is then reported as `file:line: sentence` and the
+exit status is 1. Comments and string literals are not read. A template (*.in), of which CMake makes a source for each
+solver, is checked as that source. A name in @s that it includes is one of the folder before it.
 """
 
 import pathlib
@@ -29,8 +29,8 @@ KERNEL = [PUBLIC, "core/base", "core/job", "core/team", "core/algorithm"]
 PLANS = ["core/plan/plan.hpp", "core/plan/body_plan.hpp"]
 MACHINE = [*KERNEL, *PLANS, "core/machine"]
 
-# Rooms of core/algorithm, in the order of a solve: what each may include of the others. No room includes one that is further
-# down, so that no circle can come about.
+# Rooms of core/algorithm, in the order of a solve, with the includes allowed to each. No room includes one that is
+# further down, so that no circle can come about.
 ALGORITHM = {
     "problem": [],
     "system": ["problem"],
@@ -105,7 +105,7 @@ TABLE = [
     Row("cpu_fallback", [PUBLIC]),
     Row("c_api/include", ["c_api/include"], std=(), foreign=("stddef.h", "stdint.h")),  # C
     Row("c_api", [PUBLIC, IO_PUBLIC, "c_api"]),
-    # Ranks: what they send, pieces of plans, parts of worlds; a program beside the command line.
+    # Ranks: messages, pieces of plans, parts of worlds; a program beside the command line.
     Row("distributed/transport", [PUBLIC, "distributed/transport"], foreign=("mpi.h", "sched.h")),
     Row("distributed/solve", [*KERNEL, *PLANS, "distributed/transport", "distributed/solve"]),
     # A world over ranks: parts of its model, and the stages of a step that the CPU's worlds run.

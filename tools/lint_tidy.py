@@ -31,7 +31,7 @@ KEPT = (*TAKES_A_WORD, "-std=", "-m", "-pthread")
 
 
 def arguments_of(command):
-    """Arguments of a compile command that decide what the source says; warnings and optimisation are left out."""
+    """Arguments of a compile command that decide the meaning of the source; warnings and optimisation are left out."""
     words = command.get("arguments") or shlex.split(command["command"])
     kept = [words[0]]
     rest = iter(words[1:])

@@ -1,4 +1,4 @@
-"""The pinned programs of the lint, the sources they check, and what a check of our own is as a program."""
+"""The pinned programs of the lint, the sources they check, and the frame of our own checks."""
 
 import argparse
 import pathlib
@@ -64,7 +64,7 @@ def test_planted(check_tree, clean, planted):
     """Tests a lint on a small tree. `clean` has the text of each file, in which nothing is found.
 
     `planted` has (path, lines, expected), one at a time. The lines stand at the end of the file. The one sentence that is
-    found has `expected` in it; None: nothing is found. Prints what is otherwise, returns the exit status.
+    found has `expected` in it; None: nothing is found. Prints other findings, returns the exit status.
     """
     failures = []
     with tempfile.TemporaryDirectory() as folder:

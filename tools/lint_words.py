@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Finds words that promise later work, paths of one machine, comments without a subject, and names of tests in another
-style. Finds sentences that begin without their subject (sentences.py says what one is), and files and lines of prose
-that grew too long. Long sentences are printed as warnings.
+style. Finds sentences that begin without their subject (sentences.py defines one), and files and lines of prose that
+grew too long. Long sentences are printed as warnings.
 
 Usage: lint_words.py [--root DIR] [--self-test]
 """
@@ -24,7 +24,7 @@ SPELLS_THE_WORDS = {"tools/lint_words.py"}
 
 # The words are put together here so that a search for them finds unfinished work and not this list.
 LATER = re.compile(r"\b(TO" r"DO|FIX" r"ME|XX" r"X|not imple" r"mented|place" r"holder|for n" r"ow|st" r"ubs?)\b")
-# Data, code and machines are not persons: name what does it, or use the passive.
+# Data, code and machines are not persons: name the actor, or use the passive.
 PERSON = re.compile(r"\b(who" r"ever|who" r"m|no" r"body|some" r"body|every" r"body|any" r"body)\b", re.IGNORECASE)
 # A reader comes to a declaration by name, not from the one above it.
 NO_SUBJECT = re.compile(r"\s*(?:///|/\*\*) (The same|Both|Else|All else)\b")
@@ -48,7 +48,7 @@ MACROS_ALLOWED = re.compile(r"STICTION_\w+$")
 def problems_of(path, text):
     """Sentences for one file; `path` decides which rules speak."""
     found = []
-    suffix = pathlib.PurePosixPath(path.removesuffix(".in")).suffix  # a template is what is made of it
+    suffix = pathlib.PurePosixPath(path.removesuffix(".in")).suffix  # a template is its result
     is_prose = suffix == ".md" and not GENERATED.match(path)
     before = ""
     for number, line in enumerate(text.splitlines(), start=1):

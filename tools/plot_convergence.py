@@ -28,7 +28,7 @@ COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#00
 
 
 class TraceError(Exception):
-    """A trace file is not what it claims to be; the message is one sentence for the user."""
+    """A trace file has other contents than it claims; the message is one sentence for the user."""
 
 
 def read_trace(path):

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Packs what nvcc made of the kernels into one archive, with a manifest of what it was made of.
+"""Packs nvcc's output for the kernels into one archive, with a manifest of its sources.
 
     prebuilt_cuda.py objects BUILD [--without cuda_pgs,...]    names of the objects of .cu files, for ninja
     prebuilt_cuda.py pack BUILD ARCHIVE.tar.xz --nvcc VERSION --architectures 90 [--without cuda_pgs,...]
@@ -22,7 +22,7 @@ import sys
 import tarfile
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
-# How kernels are compiled. No record of dependencies names these.
+# Options that compile kernels. No record of dependencies names these.
 SETTINGS = ["cmake/fp_policy.cmake", "cmake/stiction_add_solver.cmake", "cmake/solvers.cmake"]
 GENERATED = "@build@/"
 LAUNCH = "cuda/native/cuda_launch.cuh"

@@ -69,7 +69,7 @@ class Function(Instructions):
     # -- statements
 
     def count(self, *_):
-        """Ends a straight piece of code: adds what was counted to the lane's count."""
+        """Ends a straight piece of code: adds its count to the lane's."""
         if self.counted:
             self.code.append(f"lane.count({self.counted});")
         self.counted = 0

@@ -1,4 +1,4 @@
-"""Functions of PTX that leave a trace of what a lane executes, for its replay in lock-step (tests/ptx/replay.hpp)."""
+"""Functions of PTX that leave a trace of a lane's execution, for its replay in lock-step (tests/ptx/replay.hpp)."""
 
 from ptx_function import Function
 from ptx_text import BYTES
@@ -8,8 +8,8 @@ MEETS = ("bar", "barrier", "shfl", "redux")
 
 
 def components(nodes, leads):
-    """Strongly connected components, what leads to others before them. The last node of each is where it is entered
-    (Tarjan, "Depth-first search and linear graph algorithms")."""
+    """Strongly connected components, predecessors first. The last node of each is where it is entered (Tarjan,
+    "Depth-first search and linear graph algorithms")."""
     allowed, found, low, number, held, done = set(nodes), [], {}, {}, [], set()
     for root in nodes:
         stack = [] if root in number else [(root, None)]
@@ -37,7 +37,7 @@ def components(nodes, leads):
 
 
 def in_order(nodes, leads):
-    """Pieces in an order of control in which all of a loop comes before what follows it (Bourdoncle, "Efficient chaotic
+    """Pieces in an order of control in which all of a loop comes before its successors (Bourdoncle, "Efficient chaotic
     iteration strategies with widenings")."""
     order = []
     for component in components(nodes, leads):

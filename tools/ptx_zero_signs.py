@@ -108,7 +108,7 @@ def functions(text):
 
 
 def reached(text):
-    """(line, operation, function) of what the sign of such a zero reaches."""
+    """(line, operation, function) of uses of such a zero's sign."""
     return [(one.number, one.operation, name) for name, found in functions(text)
             if any(one.is_zero_minimum() for one in found) for one in Function(found).findings()]
 

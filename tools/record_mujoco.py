@@ -152,8 +152,8 @@ def start_state(model, data, keyframe, rng, sigma):
 
 
 def advance(model, data, options, rng, step):
-    """Step number `step` under the chosen control. False: the simulation blew up or lost contacts, and what follows is
-    not physics."""
+    """Step number `step` under the chosen control. False: the simulation blew up or lost contacts, and later states
+    are not physics."""
     if options.control == "random" and (step - 1) % options.hold == 0:
         data.ctrl[:] = random_control(model, rng, options.control_scale)
     mujoco.mj_step(model, data)

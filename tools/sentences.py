@@ -28,7 +28,7 @@ LINK = re.compile(r"\[([^\]]*)\](\([^)]*\)|\[[^\]]*\])")
 ABBREVIATION = re.compile(r"\b(e\.g|i\.e|cf|vs|ca|resp|approx|incl|Fig|Figs|Eq|Eqs|Sec|Ch|No|pp|al|etc)\.(?=\s)")
 SENTENCE_END = re.compile(r"(?<=[.?!])(?<!\.\.)[)\]\"'*_”]*(?:\s+(?![+=·…]\s)|$)")
 
-# Strings first, so that what looks like a comment inside one is none.
+# Strings first, so that comments inside them are none.
 C_TOKEN = re.compile(r"""R"(?P<delimiter>\w*)\(.*?\)(?P=delimiter)"|"(?:\\.|[^"\\\n])*"|'(?:\\[^\n]+?|[^'\\\n])'"""
                      r"""|(?P<line>//[^\n]*)|(?P<block>/\*.*?\*/)""", re.DOTALL)
 

@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""Sums up a CTest run: what was skipped and why, what failed, and as the last line `N passed, M failed, K skipped`.
+"""Sums up a CTest run: skips with their reasons, failures, and as the last line `N passed, M failed, K skipped`.
 
 Usage: test_summary.py JUNIT.xml        (ctest --output-junit JUNIT.xml)
 
 A program of GoogleTest, unittest or pytest that CTest runs as one test counts as its single cases. A case skipped
-inside a program that passed is hence not lost. A program without a framework says what it left out in lines `SKIPPED:
-why`. Parts that a build leaves out are separate tests (stiction_not_built in cmake/dependencies.cmake). Exit status 1
-when something failed or nothing ran.
+inside a program that passed is hence not lost. A program without a framework prints its skips in lines `SKIPPED: why`.
+Parts that a build leaves out are separate tests (stiction_not_built in cmake/dependencies.cmake). Exit status 1 when
+something failed or nothing ran.
 """
 
 import argparse
@@ -72,7 +72,7 @@ def count_unittest(output):
     number = dict(part.split("=") for part in (end.group(1) or "").split(", ") if "=" in part)
     failed = sum(int(number.get(what, 0)) for what in ("failures", "errors", "unexpected successes"))
     skipped = int(number.get("skipped", 0))
-    # A class that skips or breaks as a whole counts as one here and as none in what ran.
+    # A class that skips or breaks as a whole counts as one here and as none in the tests run.
     passed = max(int(ran.group(1)) - failed - skipped, 0)
     return Count(passed, failed, skipped, [one or other for one, other in UNITTEST_REASON.findall(output)])
 
@@ -100,7 +100,7 @@ def count(case):
     if left_out is not None or case.get("status") in {"notrun", "disabled"}:
         message = left_out.get("message", "") if left_out is not None else ""
         if message and not message.startswith("SKIP_") and case.get("status") != "disabled":
-            return Count(failed=1, why_failed=message)  # its program is missing, or what it needs failed
+            return Count(failed=1, why_failed=message)  # its program is missing, or its needs failed
         reasons = known.reasons if known else GTEST_REASON.findall(output)
         lines = [line for line in output.splitlines() if line.strip()]
         reasons = reasons or PLAIN_REASON.findall(output) or lines[-1:]
@@ -112,7 +112,7 @@ def count(case):
 
 
 def last_lines(case):
-    """Returns the last lines of a failed <testcase>: enough to know what went wrong where a log's end is kept."""
+    """Returns the last lines of a failed <testcase>: enough to find the fault where a log's end is kept."""
     return [line[:300] for line in (case.findtext("system-out") or "").splitlines() if line.strip()][-LAST_LINES:]
 
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Write tests/support/golden/hashes.inc from what a build computes, and say what changed.
+"""Write tests/support/golden/hashes.inc from a build's hashes, and list the changes.
 
 usage: tools/update_goldens.py BUILD_DIR [--reason "one sentence"]
        tools/update_goldens.py --self-test
@@ -104,7 +104,7 @@ def self_test():
         return "".join(f'    {{"{name}", 0x{value:016x}ULL}},\n' for name, value in table.items())
 
     twice = text(old) + text(fewer)
-    # what a build prints, epoch now, reason, exit status, whether the table is written anew
+    # a build's output, epoch now, reason, exit status, whether the table is written anew
     cases = [(text(old), 2, None, 0, False), (text(added), 2, None, 0, True), (text(turned), 2, None, 0, True),
              (text(changed), 2, "why", 1, False), (text(fewer), 2, "why", 1, False), (text(renamed), 2, "why", 1, False),
              (text(swapped), 2, "why", 1, False), (text(changed), 3, "why", 0, True), (text(fewer), 3, "why", 0, True),

@@ -5,7 +5,7 @@
     claimed     (environments)  may be missing: whether the solver calls it solved
     iterations  (environments)  may be missing
 
-The attribute `memory_mib` may say what the solving process took above its idle state.
+The attribute `memory_mib` may hold the solver's memory above its idle state.
 """
 
 import dataclasses

@@ -24,7 +24,7 @@ def finite(value, digits=3):
 
 
 def verdict(problems, answer, goal):
-    """Columns of an entry that the judge fills: nothing here is believed of what the solver says."""
+    """Columns of an entry that the judge fills; no claim of the solver enters them."""
     with h5py.File(problems.path) as batch:
         residual = residuals(batch, answer.reaction, problems.law)
     solved = residual <= SLACK * goal

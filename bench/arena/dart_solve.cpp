@@ -8,7 +8,7 @@
 //   (1e-12 absolute, 1e-10 relative) that it stops at rounding.
 // * lemke is dart::lcpsolver::Lemke (LCPs only: it leaves bounds and findex out).
 //
-// Forming is padding A's rows to what the solvers read, or filling Eigen's matrix, and copying what they destroy.
+// Forming is padding A's rows as the solvers read them, or filling Eigen's matrix, and copying data that they destroy.
 
 #include <dart/external/odelcpsolver/lcp.h>
 #include <dart/constraint/ContactConstraint.hpp>

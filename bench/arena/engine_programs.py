@@ -7,7 +7,7 @@ import subprocess
 import numpy as np
 
 HERE = pathlib.Path(__file__).resolve().parent
-# Name: source, pkg-config module, what to link where pkg-config names more than is needed.
+# Name: source, pkg-config module, libraries to link if pkg-config names more than is needed.
 PROGRAMS = {
     "Bullet f64": ("bullet_solve.cpp", "bullet-float64", None),
     "DART": ("dart_solve.cpp", "dart", ["-ldart", "-ldart-external-odelcpsolver"]),

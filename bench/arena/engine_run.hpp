@@ -66,7 +66,7 @@ T number(const std::string& text) {
   return value;
 }
 
-/// The wall clock of what is short, since asking for the processor's costs as much as a small solve. For long
+/// The wall clock measures short intervals, since asking for the processor's costs as much as a small solve. For long
 /// intervals it is the lesser of both, so that other programs' turns do not count.
 class Stopwatch {
  public:

@@ -2,7 +2,7 @@
 
 ANSWERS is a folder with solver.json ({"name", "version", "given", "machine"}) and files FAMILY/NAME@TOLERANCE.h5 for any of the
 sets (answer_file.py says what is in one). Beside each may be .permuted.h5, .threads.h5 and .machines.h5, all in the set's
-order. They hold what the solver answered with the environments in another order, with two threads, and on another machine.
+order. They hold the solver's answers to the environments in another order, with two threads, and on another machine.
 """
 
 import json

@@ -1,4 +1,4 @@
-"""The judge of the arena: tools/check_law.py, and what a solver may be off by beyond its goal."""
+"""The judge of the arena: tools/check_law.py, and the rounding that it allows beyond a solver's goal."""
 
 import pathlib
 import sys

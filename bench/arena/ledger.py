@@ -1,4 +1,4 @@
-"""The arena's JSON: what is in it, and whether a file is such.
+"""The arena's JSON: its contents, and a check that a file is such.
 
     schema_version   1
     command, machine, processor, versions, date, seed     what made it, and where
@@ -100,7 +100,7 @@ def check(ledger):
 
 
 def join(first, second):
-    """The first run, and what the second has of other sets or other solvers. ValueError where they are not of one kind."""
+    """The first run, with the second's other sets or other solvers. ValueError where they are not of one kind."""
     for name in ("machine", "processor", "tolerances", "seconds", "seed"):
         if first[name] != second[name]:
             raise ValueError(f"the runs differ in '{name}'")
@@ -118,7 +118,7 @@ def join(first, second):
 
 
 def compare(first, second):
-    """The first run, its `machines_equal` with what another machine found. ValueError where nothing can be compared."""
+    """The first run, its `machines_equal` compared with another machine's. ValueError where nothing can be compared."""
     versions = {one["name"]: one["version"] for one in second["solvers"]}
     ours = {one["name"] for one in first["solvers"] if versions.get(one["name"]) == one["version"]}
     sets = {one["name"] for one in first["sets"] if one in second["sets"]}

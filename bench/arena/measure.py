@@ -67,7 +67,7 @@ def write_table(path, comments, columns, rows):
 
 
 def race_arguments(description, robots):
-    """A parser of what races on recorded robots have in common, and the files that its arguments name."""
+    """Common parser of programs that race on recorded robots, and the files that its arguments name."""
     parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("files", nargs="*", type=pathlib.Path)
     parser.add_argument("--data", type=pathlib.Path, default=ROOT.parent / "shared" / "data")

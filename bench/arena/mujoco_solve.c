@@ -169,7 +169,7 @@ void peer_solve(const mjModel* m, mjData** all, int count) {
   }
 }
 
-// Forces of the rows, one environment behind the other, and iterations (the most of an environment's islands).
+// Forces of the rows, one environment after another, and iterations (the most of an environment's islands).
 void peer_answer(mjData** all, int count, double* force, int* iterations) {
   for (int i = 0; i < count; ++i) {
     memcpy(force, all[i]->efc_force, sizeof(double) * (size_t)all[i]->nefc);

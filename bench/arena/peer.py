@@ -23,7 +23,7 @@ class Peer:
     takes_boxes = False  # boxed friction
 
     def prepare(self, folder, clock):
-        """None, or why it cannot run; what it compiles lies in `folder`."""
+        """None, or why it cannot run; its compiled files lie in `folder`."""
         raise NotImplementedError
 
     def refuses(self, problems):
@@ -34,7 +34,7 @@ class Peer:
         return [float(f"{goal * factor:.3g}") for factor in TIGHTER if goal * factor >= 0.99 * LEAST_TOLERANCE]
 
     def load(self):
-        """Imports what it needs; what that weighs is not the solve's."""
+        """Imports its packages; their memory is not the solve's."""
 
     def answer(self, path, law, setting, seconds, folder):
         """In the worker: an Answer."""
@@ -61,7 +61,7 @@ class Peer:
 
 
 def shortest(call, clock=time.process_time):
-    """(what the call returns, seconds of the shortest turn)."""
+    """(result of the call, seconds of the shortest turn)."""
     turns = []
     while len(turns) < TURNS and sum(turns) < TURNS_SECONDS:
         begin = clock()
@@ -87,7 +87,7 @@ def forget_peak():
 
 
 def apart(solve, seconds):
-    """`solve()` in a process of its own: what it returns and the memory it took, or None where it was late or crashed.
+    """`solve()` in a process of its own: its result and memory, or None where it was late or crashed.
 
     Returns (result, MiB, late)."""
     reading, writing = os.pipe()

@@ -8,7 +8,7 @@ from answer_file import Answer
 from environments import BOX, FREE, read_environments
 from peer import Peer, one_by_one, shortest
 
-MOST_ROWS = 300  # of a matrix whose eigenvalues are asked for, and of what qpax is given
+MOST_ROWS = 300  # of a matrix whose eigenvalues are asked for, and of the matrices given to qpax
 ROUNDING = 1e-9
 
 

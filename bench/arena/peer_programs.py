@@ -13,7 +13,7 @@ from environments import FRICTION, UNILATERAL, Environment, read_environments
 from peer import Peer
 
 ITERATIONS = 100000
-MOST_ROWS = 300  # of what is given to dense pivoting
+MOST_ROWS = 300  # limit of dense pivoting
 CALL_SECONDS = 0.002  # of warm calls, whose median counts
 STEPS = [10, 100, 1000, 10000]
 
@@ -29,7 +29,7 @@ def under_scales(program, folder):
 
 
 def least(rows):
-    """One contact of so many rows that is pressed on: what a program weighs when it has next to nothing to do."""
+    """One contact of so many rows that is pressed on: the memory of a program with next to nothing to do."""
     kind = UNILATERAL if rows == 1 else FRICTION
     return Environment(np.arange(rows + 1), np.arange(rows), np.ones(rows), -np.eye(rows)[0], np.zeros(rows), np.array([kind]),
                        np.array([0, rows]), np.r_[0, np.full(rows - 1, 0.5)])

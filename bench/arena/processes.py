@@ -23,7 +23,7 @@ def peak(notes):
 
 
 def run(command, limit, environment=None):
-    """(exit status, or None when the time was up; what was written to stderr). `limit` is of the wall clock, times PATIENCE."""
+    """(exit status, or None when the time was up; its stderr). `limit` is of the wall clock, times PATIENCE."""
     process = subprocess.Popen([str(word) for word in command], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
                                env=environment, start_new_session=True)
     try:

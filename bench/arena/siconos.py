@@ -44,7 +44,7 @@ def contact_size(environments, law):
 
 
 def solve(program, environments, size, solver, tolerance, max_iterations, seconds, folder):
-    """For each environment (reaction, seconds, what Siconos returned: 0 is solved, LATE is no answer)."""
+    """For each environment (reaction, seconds, Siconos' return value: 0 is solved, LATE is no answer)."""
     into, outof = pathlib.Path(folder, "problems.bin"), pathlib.Path(folder, "answers.bin")
     with open(into, "wb") as file:
         np.array([size, len(environments)], "<i8").tofile(file)

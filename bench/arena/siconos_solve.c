@@ -153,7 +153,7 @@ static double seconds_of(clockid_t clock) {
   return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
 }
 
-/* Problem and options are made anew each time: drivers scale and work in what they are given. */
+/* Problem and options are made anew each time: drivers scale and work in their arguments. */
 static void solve_once(const Problem* p, int d, const Solver* solver, double tolerance, int iterations,
                        Answer* answer) {
   enum Storage storage = solver->storage;

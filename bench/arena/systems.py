@@ -1,4 +1,4 @@
-"""Environments of contact-batch files that hold what A was made of: J, M, free motion, target."""
+"""Environments of contact-batch files that hold the parts of A: J, M, free motion, target."""
 
 import dataclasses
 

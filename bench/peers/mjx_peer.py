@@ -1,8 +1,8 @@
 """MJX's constraint solvers (Newton, CG) on padded batches, by way of the slide-joint models of mujoco_rows.py.
 
-MJX's own pipeline gives every environment the same rows, with J = 0 where a contact is open, which is what padded.Padded has. J, M,
-free acceleration, target, compliance, friction and friction loss are written into its Data; solver.solve, under jit and vmap, is
-MJX's. f64 is JAX's x64 mode.
+MJX's own pipeline gives every environment the same rows, with J = 0 where a contact is open, as padded.Padded has. J,
+M, free acceleration, target, compliance, friction and friction loss are written into its Data; solver.solve, under jit
+and vmap, is MJX's. f64 is JAX's x64 mode.
 """
 
 import os

@@ -79,5 +79,5 @@ class Padded:
         return [(NAMES[kind], size) for kind, size, cones, _ in self.segments for _ in range(cones)]
 
     def own(self, reactions):
-        """Rows of the environments themselves, one environment behind the other."""
+        """Rows of the environments themselves, one environment after another."""
         return np.concatenate([np.asarray(reaction, "f8")[at] for reaction, at in zip(reactions, self.places)])

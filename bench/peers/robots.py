@@ -8,7 +8,7 @@
 Files are contact batches with J, M, v_free and row_target as recorded from MuJoCo; without any, the robots of
 DATA/mujoco. mujoco_rows.py says how MuJoCo is made to solve them. No two environments are the same: of a
 file up to --envs are taken. With --repeat they are repeated until there are so many. MuJoCo: Newton, CG and PGS, one environment after the other, in C. stiction: auto, npgs, subspace and newton, f32 and f64,
-one call for all environments. Three forms say what both sides are given, and so what is timed:
+one call for all environments. Three forms define the inputs of both sides, and so the timed work:
 
     matrix     A. stiction solves; MuJoCo too (mj_fwdConstraint), whose Newton and CG know J and M's factor instead
     factor     J and M's factor: what MuJoCo's pipeline has when it calls its solver. stiction forms A; of MuJoCo's, PGS does

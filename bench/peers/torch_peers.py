@@ -51,7 +51,7 @@ class Peer:
         """Takes the method's own memory."""
 
     def capture(self):
-        """Captures one chunk; a run before has taken what the libraries take."""
+        """Captures one chunk; a run before has allocated the libraries' memory."""
         self.prepare()
         stream = torch.cuda.Stream()
         stream.wait_stream(torch.cuda.current_stream())

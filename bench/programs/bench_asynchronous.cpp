@@ -47,7 +47,7 @@ class SlowTeam : public ThreadedTeam {
   }
 
  private:
-  /// CPU time of this thread: what else runs on its core does not make it slower still.
+  /// CPU time of this thread: other work on its core does not make it slower still.
   static double own_seconds() {
     timespec time{};
     clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);

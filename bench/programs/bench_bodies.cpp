@@ -1,4 +1,4 @@
-// Sequential impulses on one heap of spheres, single precision: what a sweep costs and what 50 of them reach, by
+// Sequential impulses on one heap of spheres, single precision: costs of a sweep and the residual after 50 of them, by
 // contacts, momentum and threads.
 //
 //   bench_bodies [--contacts 1000,10000,100000,1000000] [--threads 1,2] [--repeats 3] [--csv PATH]

@@ -1,5 +1,5 @@
-// Towers, walls and pyramids of boxes, double precision, convex law: what sequential impulses and Newton's method with
-// each preconditioner take to reach a tolerance.
+// Towers, walls and pyramids of boxes, double precision, convex law: time of sequential impulses and of Newton's
+// method with each preconditioner to a tolerance.
 //
 //   bench_body_newton [--scenes tower50,tower200,wall20,wall30,pyramid10] [--compliance 1e-3,1e-5]
 //                     [--tolerance 1e-3,1e-6] [--repeats 3] [--csv PATH]

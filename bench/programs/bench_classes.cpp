@@ -49,7 +49,7 @@ struct Setting {
   }
 };
 
-/// One number of the table: what it is of, whether it was timed, computed by a model, or is a ratio.
+/// One number of the table: its subject, and if it was timed, computed by a model, or is a ratio.
 struct Line {
   std::string part, name;
   double contacts = 0;  ///< of an environment, on average
@@ -249,7 +249,7 @@ void run_ragged(const Setting& setting) {
                   "timed", ragged.residual(), ragged.hash()});
 }
 
-/// How much of planning and solving together is planning.
+/// Share of planning in planning and solving together.
 void run_plan(const Setting& setting) {
   std::printf("\nplanning: share of plan() in plan() and solve() together, %d sweeps\n", kShort);
   std::printf("%-8s %8s %12s %12s %8s\n", "batch", "envs", "plan us", "solve us", "share");

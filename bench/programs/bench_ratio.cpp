@@ -1,6 +1,6 @@
-// How many times faster lanes = environments are than a naive scalar loop. The implementations alternate again and
-// again (A B C A B C ...) on one thread, in CPU time, warm-up excluded. The program prints median and quartiles of the
-// ratio over repeats.
+// Speed of lanes = environments over a naive scalar loop. The implementations alternate again and again (A B C A B C
+// ...) on one thread, in CPU time, warm-up excluded. The program prints median and quartiles of the ratio over
+// repeats.
 //
 //   bench_ratio [--contacts 8,16] [--envs 1024] [--family stack] [--precision f32] [--repeats 5] [--seed 7]
 //               [--csv PATH]
@@ -26,7 +26,7 @@ constexpr Index kShort = 20;            // sweeps of a whole call
 constexpr Index kLong = 60;             // sweeps of the longer call, for the slope
 constexpr double kLeastSeconds = 0.02;  // of one measurement; shorter calls are repeated inside it
 
-/// Quartiles of what was measured.
+/// Quartiles of measurements.
 struct Spread {
   double q1, median, q3;
 };
@@ -41,7 +41,7 @@ Spread spread(std::vector<double> values) {
   return {at(0.25), at(0.5), at(0.75)};
 }
 
-/// One way to solve the batch: a call of so many sweeps, and what it measured.
+/// One way to solve the batch: a call of so many sweeps, and its measurements.
 template <class Real>
 struct Contestant {
   std::string name, flags;
@@ -97,7 +97,7 @@ double measure(const Contestant<Real>& contestant, Index sweeps, std::vector<Rea
   return (cpu_seconds() - start) / contestant.calls;
 }
 
-/// Warm-up: what is computed, and how often a call has to be repeated to be measured.
+/// Warm-up: the answer, and how often a call has to be repeated to be measured.
 template <class Real>
 void prepare(Contestant<Real>& contestant, const ContactBatch<Real>& batch, std::vector<Real>& lambda) {
   contestant.solve(kLong, lambda);

@@ -1,5 +1,5 @@
-// How many iterations a recorded trajectory takes step by step. Every step starts from zero, or from the step before
-// by way of a WarmStartStore. Iterations, not seconds: the counts are the same on every machine.
+// Iterations of a recorded trajectory, step by step. Every step starts from zero, or from the step before by way of a
+// WarmStartStore. Iterations, not seconds: the counts are the same on every machine.
 //
 //   bench_warm_start [--batch examples/data/trajectory.h5] [--tolerance 1e-3,1e-4,1e-6] [--beta 0.95,1]
 //                    [--solver npgs,apgd] [--csv PATH]

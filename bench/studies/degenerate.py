@@ -12,8 +12,8 @@ to 1e-3. Prints one line a failure and exits with 1 if there is one. Failures ar
 refused the batch, or that an output is missing. The same holds for a reaction or motion that is not finite, and broken
 numbers that are not called `invalid_input`. Prints as well claims that do not hold, and with --strict takes them for
 failures. Such a claim is a status `solved` of a problem that has no solution. Or the judge (without one: `stiction
-verify`) finds more than the tolerance and what it may itself round. To miss the tolerance and to say so is neither.
-With --results it writes degenerate.csv and degenerate.md. Needs numpy and h5py; without them it exits with 77.
+verify`) finds more than the tolerance and its own rounding. To miss the tolerance and to say so is neither. With
+--results it writes degenerate.csv and degenerate.md. Needs numpy and h5py; without them it exits with 77.
 """
 
 import argparse
@@ -83,7 +83,7 @@ def stack(name, masses, mu=0.5):
 
 
 def cases():
-    """(environment, what is known of it: "" nothing, "unsolvable" or "broken")"""
+    """(environment, its known state: "" nothing, "unsolvable" or "broken")"""
     grid = [(x, y, -0.5) for x in np.linspace(-0.5, 0.5, 8) for y in np.linspace(-0.5, 0.5, 8)]
     fall, slide = [0.02, 0.01, -0.05, 0, 0, 0], [0.2, 0.1, -0.05, 0, 0, 0.3]
     wedge = [np.array([[sx * 0.96, 0, 0.28], [0, 1, 0], [-0.28, 0, sx * 0.96]]) for sx in (1, -1)]
@@ -144,7 +144,7 @@ def rounding(environment, reaction):
 
 
 def rounded(environment):
-    """Numbers as f32 holds them, so that both precisions get the same; what overflows stays."""
+    """Numbers as f32 holds them, so that both precisions get the same; overflows stay."""
     def nearest(values):
         with np.errstate(over="ignore"):
             near = values.astype("f4").astype("f8")

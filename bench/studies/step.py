@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""How many environments `stiction step` steps a second, with the shares of its stages, as a table.
+"""Environments that `stiction step` steps a second, with the shares of its stages, as a table.
 
 Usage: step.py STICTION [--scenes pile,walker] [--envs 64,1024,4096] [--precisions f64,f32] [--steps 200] [--threads 0]
                [--device cpu] [--csv PATH]

@@ -22,8 +22,8 @@ inline constexpr std::uint64_t kSeed = 7;  ///< of the scenes behind every commi
 template <class Real>
 ContactBatch<Real> make_contacts(const std::string& family, Index contacts, Offset envs, std::uint64_t seed = kSeed);
 
-/// How many environments of that many contacts to solve when the caller wants `wanted`. All dense matrices together
-/// hold at most `entries` numbers. There are at least 16, so that a pack of lanes is full.
+/// Returns the number of environments of that many contacts to solve when the caller wants `wanted`. All dense
+/// matrices together hold at most `entries` numbers. There are at least 16, so that a pack of lanes is full.
 Offset capped_envs(Index contacts, Offset wanted, Offset entries);
 
 /// Options of a run that takes exactly `sweeps` iterations in every environment.

@@ -4,8 +4,8 @@
 
 /// Projected Gauss-Seidel as one writes it down first. It goes contact by contact and gathers a row's motion when it
 /// is needed. It solves the normal, then the two tangents on the disk that the fresh normal spans. Original
-/// coordinates, no packs, no tricks; what bench_ratio calls 1. Everything is in raw arrays. No function of the
-/// standard library is thus compiled for another instruction set and merged with the rest of the program.
+/// coordinates, no packs, no tricks; the unit of bench_ratio. Everything is in raw arrays. No function of the standard
+/// library is thus compiled for another instruction set and merged with the rest of the program.
 namespace stiction::bench::STICTION_VARIANT {
 
 template <class Real>
@@ -78,7 +78,7 @@ void naive(const BaselineTask<Real>& task, int sweeps) {
     });
 }
 
-/// The loop on the stored entries: what one writes for a sparse A.
+/// The loop on the stored entries: the plain code for a sparse A.
 template <class Real>
 void naive_csr(const BaselineTask<Real>& task, int sweeps) {
   const Index n = task.n;

@@ -4,9 +4,9 @@
  * The C interface of stiction: many environments' frictional contact problems, solved in one call, with the same bits
  * on every device (docs/reference/c_api.md). C99 and C++.
  *
- * Calls return a stiction_code and let no exception out; what went wrong is in stiction_last_error() of the same
- * thread. A call that failed has written nothing, unless the device itself failed. Numerical trouble is no failure: it
- * is in the status record of the environment.
+ * Calls return a stiction_code and let no exception out; the message is in stiction_last_error() of the same thread. A
+ * call that failed has written nothing, unless the device itself failed. Numerical trouble is no failure: it is in the
+ * status record of the environment.
  *
  * Structs that begin with `size` are set up by their stiction_..._init(&it, sizeof it), which fills in the defaults. A
  * later version of the library may append fields and still takes the shorter struct of a program compiled before it. A
@@ -112,7 +112,7 @@ STICTION_API stiction_code stiction_solver_destroy(stiction_solver* solver);
 STICTION_API stiction_code stiction_solver_solve(stiction_solver* solver, const stiction_batch_view* batch,
                                                  const stiction_solution* solution, const void* warm_start,
                                                  void* stream);
-/** Decides in advance, from a batch's structure, what solve would decide every time. The solver keeps the latest plan.
+/** Decides in advance, from a batch's structure, all that solve decides each time. The solver keeps the latest plan.
  */
 STICTION_API stiction_code stiction_solver_plan(stiction_solver* solver, const stiction_batch_view* batch,
                                                 void* stream);
@@ -120,11 +120,11 @@ STICTION_API stiction_code stiction_solver_plan(stiction_solver* solver, const s
 STICTION_API stiction_code stiction_solver_solve_planned(stiction_solver* solver, const stiction_batch_view* batch,
                                                          const stiction_solution* solution, const void* warm_start,
                                                          void* stream);
-/** Returns when what was queued on `stream` is done; at once on the CPU. */
+/** Returns when the work queued on `stream` is done; at once on the CPU. */
 STICTION_API stiction_code stiction_solver_synchronize(stiction_solver* solver, void* stream);
 
 /** Looks for the first broken precondition of a host batch; found: STICTION_INVALID_ARGUMENT, and the error text says
- * where. solver: stiction_solver_kind, for lemke takes what others do not. */
+ * where. solver: stiction_solver_kind, for lemke takes environments that others do not. */
 STICTION_API stiction_code stiction_validate(const stiction_batch_view* batch, int32_t solver);
 /** The residual of given reactions, by code that the solvers do not share. lambda: Real (row_count); residual:
  * (env_count). The batch's own law; host memory. */
@@ -165,7 +165,7 @@ STICTION_API stiction_code stiction_jacobian_solver_solve_from(stiction_jacobian
                                                                const stiction_jacobian_solution* solution,
                                                                const void* warm_start, const void* warm_velocities,
                                                                void* stream);
-/** Returns when what was queued on `stream` is done; at once on the CPU. */
+/** Returns when the work queued on `stream` is done; at once on the CPU. */
 STICTION_API stiction_code stiction_jacobian_solver_synchronize(stiction_jacobian_solver* solver, void* stream);
 
 /* ---- Derivatives of solutions (docs/math/derivative.md) ---- */
@@ -205,14 +205,14 @@ STICTION_API stiction_code stiction_derivative_jvp(stiction_derivative* derivati
                                                    const stiction_solution_numbers* changes,
                                                    stiction_gradient_status* gradient_status, int64_t count,
                                                    void* stream);
-/** Pulls cotangents of reactions, motion and velocities back to J, M, v_free and what rows have; the other arguments as
- * in stiction_derivative_vjp. */
+/** Pulls cotangents of reactions, motion and velocities back to J, M, v_free and the rows' numbers; the other
+ * arguments as in stiction_derivative_vjp. */
 STICTION_API stiction_code stiction_derivative_vjp_jacobian(
     stiction_derivative* derivative, const stiction_jacobian_view* batch, const void* lambda,
     const stiction_status* status, const stiction_solution_numbers* cotangents,
     const stiction_jacobian_numbers* gradients, stiction_gradient_status* gradient_status, int64_t count, void* stream);
-/** Pushes changes of J, M, v_free and what rows have forward to reactions, motion and velocities; the other arguments
- * as in stiction_derivative_vjp. */
+/** Pushes changes of J, M, v_free and the rows' numbers forward to reactions, motion and velocities; the other
+ * arguments as in stiction_derivative_vjp. */
 STICTION_API stiction_code stiction_derivative_jvp_jacobian(
     stiction_derivative* derivative, const stiction_jacobian_view* batch, const void* lambda,
     const stiction_status* status, const stiction_jacobian_numbers* tangents, const stiction_solution_numbers* changes,
@@ -224,7 +224,7 @@ STICTION_API stiction_code stiction_derivative_unrolled_vjp(
     stiction_derivative* derivative, const stiction_batch_view* batch, const stiction_sweeps* sweeps,
     const stiction_solution_numbers* cotangents, const stiction_batch_numbers* gradients,
     stiction_gradient_status* gradient_status, int64_t count, void* stream);
-/** Returns when what was queued on `stream` is done; at once on the CPU. */
+/** Returns when the work queued on `stream` is done; at once on the CPU. */
 STICTION_API stiction_code stiction_derivative_synchronize(stiction_derivative* derivative, void* stream);
 
 /* ---- Bodies and contact points (docs/howto/bodies.md) ---- */
@@ -299,7 +299,7 @@ STICTION_API stiction_code stiction_stepping_solver_reset_all(stiction_stepping_
 STICTION_API stiction_code stiction_stepping_solver_records(stiction_stepping_solver* solver,
                                                             stiction_warm_start_record* records, int64_t count,
                                                             void* stream);
-/** Returns when what was queued on `stream` is done; at once on the CPU. */
+/** Returns when the work queued on `stream` is done; at once on the CPU. */
 STICTION_API stiction_code stiction_stepping_solver_synchronize(stiction_stepping_solver* solver, void* stream);
 
 /* ---- Files (docs/reference/file_formats.md); STICTION_UNSUPPORTED from a library built without HDF5 ---- */
@@ -314,8 +314,8 @@ STICTION_API stiction_code stiction_batch_get_view(stiction_batch* batch, int32_
 STICTION_API stiction_code stiction_batch_get_cone_ids(stiction_batch* batch, const uint64_t** cone_id);
 /** Writes a host batch as a contact-batch file. source: free text, or null. */
 STICTION_API stiction_code stiction_batch_write(const char* path, const stiction_batch_view* batch, const char* source);
-/** Writes reactions of a host batch as a solution file. options: what the solver was made with, of which the file says
- * solver and law; null: defaults. source: free text, or null. w and status may be left out of the solution. */
+/** Writes reactions of a host batch as a solution file. options: those of the solver, of which the file keeps solver
+ * and law; null: defaults. source: free text, or null. w and status may be left out of the solution. */
 STICTION_API stiction_code stiction_solution_write(const char* path, const stiction_batch_view* batch,
                                                    const stiction_solution* solution,
                                                    const stiction_solver_options* options, const char* source);

@@ -8,7 +8,7 @@
 
 #include "stiction_structs.h"
 
-/** How a step becomes b and R (docs/howto/bodies.md). */
+/** Conversion of a step to b and R (docs/howto/bodies.md). */
 typedef struct stiction_time_stepping {
   size_t size;                  /**< sizeof of the struct that the caller has */
   double dt;                    /**< the step, > 0 [s] */

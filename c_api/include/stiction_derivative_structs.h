@@ -53,7 +53,7 @@ typedef struct stiction_solution_numbers {
   void* velocity; /**< of Jacobian batches alone (count * dof_count) */
 } stiction_solution_numbers;
 
-/** Sweeps of solver `pgs` that are differentiated as they run, and what comes of them beside the batch's cotangents. */
+/** Sweeps of solver `pgs` that are differentiated as they run, and derivatives beside the batch's cotangents. */
 typedef struct stiction_sweeps {
   size_t size;            /**< sizeof of the struct that the caller has */
   const void* warm_start; /**< where they begin; null: at zero (row_count) */

@@ -16,12 +16,12 @@
 typedef enum stiction_code {
   STICTION_OK = 0,               /**< done */
   STICTION_INVALID_ARGUMENT = 1, /**< an argument is wrong; the text names it, its value and the remedy */
-  STICTION_BAD_FILE = 2,         /**< a file is not what it claims to be */
+  STICTION_BAD_FILE = 2,         /**< a file is not of the kind it claims */
   STICTION_IO = 3,               /**< the operating system refused to read or write */
   STICTION_OUT_OF_MEMORY = 4,    /**< host or device memory */
   STICTION_NO_DEVICE = 5,        /**< the requested device is not there; the text says why */
   STICTION_DEVICE_FAILURE = 6,   /**< the device failed in a call; results of that call are not valid */
-  STICTION_UNSUPPORTED = 7,      /**< this build lacks the feature; the text says what adds it */
+  STICTION_UNSUPPORTED = 7,      /**< this build lacks the feature; the text names the option that adds it */
   STICTION_INTERNAL = 8          /**< a fault of the library */
 } stiction_code;
 
@@ -48,7 +48,7 @@ typedef enum stiction_cone_kind {
 
 /** Law of the friction cones. */
 typedef enum stiction_law {
-  STICTION_LAW_OF_BATCH = -1, /**< in options alone: what the batch says */
+  STICTION_LAW_OF_BATCH = -1, /**< in options alone: the batch's law */
   STICTION_LAW_CONVEX = 0,    /**< associated: lambda minimises a quadratic over the cones */
   STICTION_LAW_COULOMB = 1,   /**< exact Coulomb law */
   STICTION_LAW_BOXED = 2      /**< in body options alone: boxed friction (docs/math/box_friction.md) */
@@ -60,13 +60,13 @@ typedef enum stiction_invalid_policy {
   STICTION_INVALID_ISOLATE = 1 /**< that environment is flagged and gets zeros; the others are solved */
 } stiction_invalid_policy;
 
-/** How the islands of an environment are iterated (docs/howto/islands.md). */
+/** Iteration of an environment's islands (docs/howto/islands.md). */
 typedef enum stiction_islands {
   STICTION_ISLANDS_TOGETHER = 0, /**< as one system */
   STICTION_ISLANDS_APART = 1     /**< each as an environment of its own would be */
 } stiction_islands;
 
-/** How the solver of an environment is found (docs/howto/spectrum.md). */
+/** Choice of an environment's solver (docs/howto/spectrum.md). */
 typedef enum stiction_choice {
   STICTION_CHOICE_NAMED = 0,   /**< by the field solver */
   STICTION_CHOICE_SPECTRUM = 1 /**< by condition and density of its operator, then auto where that falls short */
@@ -84,7 +84,7 @@ typedef enum stiction_factor_use {
   STICTION_FACTOR_ALWAYS = 2   /**< all that have degrees of freedom */
 } stiction_factor_use;
 
-/** How bodies are solved (docs/howto/bodies.md). */
+/** Method that solves bodies (docs/howto/bodies.md). */
 typedef enum stiction_body_method {
   STICTION_BODY_IMPULSES = 0, /**< sequential impulses */
   STICTION_BODY_NEWTON = 1    /**< inexact Newton's method on the bodies' velocities */
@@ -100,7 +100,7 @@ typedef enum stiction_body_preconditioner {
   STICTION_PRECONDITIONER_MULTIGRID = 5            /**< aggregates of bodies that move rigidly */
 } stiction_body_preconditioner;
 
-/** How a coarse body's motion becomes that of its members (docs/math/multigrid.md). */
+/** Map from a coarse body's motion to that of its members (docs/math/multigrid.md). */
 typedef enum stiction_prolongation {
   STICTION_PROLONGATION_PLAIN = 0,   /**< rigidly */
   STICTION_PROLONGATION_SMOOTHED = 1 /**< rigidly, then one damped block-Jacobi step */
@@ -127,7 +127,7 @@ typedef enum stiction_step_scaling {
   STICTION_STEP_PROPORTIONAL = 2 /**< dt / dt_prev */
 } stiction_step_scaling;
 
-/** How the solve of one environment ended. */
+/** Outcome of the solve of one environment. */
 typedef enum stiction_env_code {
   STICTION_ENV_SOLVED = 0,         /**< residual finite and at most the tolerance */
   STICTION_ENV_MAX_ITERATIONS = 1, /**< iteration limit reached; the best iterate is returned */

@@ -18,7 +18,7 @@ STICTION_HD Pack<double, 4> four_doubles(const double* from, Index count) {
 }
 #endif
 
-/// four_sums() of four rows of `count` numbers that lie one behind the other, each with a separate start. Behind x are
+/// four_sums() of four rows of `count` numbers that lie one after another, each with a separate start. Behind x are
 /// zeros up to a multiple of four. The same bits, but for the sign of a zero.
 template <class Real>
 STICTION_HD Pack<double, 4> four_sums_of_four_rows(Pack<double, 4> start, const Real* a, const double* x, Index count) {

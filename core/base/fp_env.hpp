@@ -12,7 +12,7 @@ namespace stiction {
 
 /// The floating-point environment the algorithms assume: round to nearest, subnormals kept. A process may have lost it
 /// without knowing (loading a library built with relaxed arithmetic sets flush-to-zero). Every thread of a solve and
-/// every public function that computes hence sets it and puts back what it found
+/// every public function that computes hence sets it and restores the former one
 /// (tests/determinism/test_fp_entries.cpp). With SSE the algorithms never use the x87 unit, whose whole environment
 /// takes longer to save and load than a small solve's sweeps. Its rounding is kept in step, so that std::fegetround()
 /// tells the truth. On AArch64 both modes are bits of FPCR, and std::fesetround() leaves flush-to-zero as it is.
@@ -58,7 +58,7 @@ class ScopedFpEnv {
   ScopedFpEnv& operator=(const ScopedFpEnv&) = delete;
 
  private:
-  /// To a compiler arithmetic does not depend on modes: it may compute before they are set what it has read before, or
+  /// To a compiler arithmetic does not depend on modes: it may compute with earlier reads before they are set, or
   /// store afterwards. Nothing is read or written across this. A number that is returned in a register is not held by
   /// it: functions with a guard return their numbers in memory.
   static void keep_order() { asm volatile("" ::: "memory"); }

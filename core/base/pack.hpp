@@ -130,7 +130,7 @@ STICTION_HD Pack<T, W> div_(Pack<T, W> a, Pack<T, W> b) {
   return a.v / b.v;
 }
 
-/// No alignment is required. Whole vectors: what is stored in halves, as g++ copies memory, is slow to load again.
+/// No alignment is required. Whole vectors: numbers stored in halves, as g++ copies memory, are slow to load again.
 template <class T, int W>
 STICTION_HD void load_lanes(const T* from, Pack<T, W>& to) {
   to.v = *reinterpret_cast<const typename VectorOf<T, W>::Anywhere*>(from);
@@ -140,7 +140,7 @@ STICTION_HD void store_lanes(T* to, Pack<T, W> value) {
   *reinterpret_cast<typename VectorOf<T, W>::Anywhere*>(to) = value.v;
 }
 
-/// Lane by lane through the scalar: what the overloads below fall back to.
+/// Lane by lane through the scalar: the fallback of the overloads below.
 template <class T, int W>
 STICTION_HD Pack<T, W> fma_(Pack<T, W> a, Pack<T, W> b, Pack<T, W> c) {
   Pack<T, W> r;

@@ -5,7 +5,7 @@
 /// Numbers of a pack that lie at a separate place for each lane. Host only.
 namespace stiction::inline STICTION_ISA {
 
-/// An integer for each lane, as wide as the numbers: what places are counted in.
+/// An integer for each lane, as wide as the numbers: the type of indices.
 template <class T, int W>
 using PackIndices = typename PackMask<T, W>::Vector;
 

@@ -25,7 +25,7 @@ STICTION_HD Index highest_bit(std::uint64_t word) {
 #endif
 }
 
-/// How many bits are set.
+/// Counts the bits that are set.
 STICTION_HD Index bit_count(std::uint64_t word) {
 #if defined(__CUDA_ARCH__)
   return static_cast<Index>(__popcll(word));

@@ -152,7 +152,7 @@ std::unique_ptr<BodyMachine> make_machine(Device device) {
   return make_cpu_body_machine();
 }
 
-/// The structure of a batch in device memory, on the host: what a plan reads.
+/// The structure of a batch in device memory, on the host: the input of a plan.
 template <class Real>
 class HostBodies {
  public:

@@ -23,7 +23,7 @@ struct NamedArray {
   const char* name;
   const void* begin = nullptr;
   std::size_t bytes = 0;
-  const char* owner = "";  ///< what stands before the name
+  const char* owner = "";  ///< prefix of the name
 
   template <class T>
   static NamedArray of(const char* name, const T* array, Offset count, const char* owner = "") {
@@ -37,7 +37,7 @@ inline bool overlap(const NamedArray& a, const NamedArray& b) {
   return a.bytes > 0 && b.bytes > 0 && at(a) < at(b) + b.bytes && at(b) < at(a) + a.bytes;
 }
 
-/// \throws Error(invalid_argument) that names an output and what it shares memory with: another output or an input.
+/// \throws Error(invalid_argument) that names an output and an array that it shares memory with: output or input.
 inline void refuse_overlaps(std::span<const NamedArray> outputs, std::span<const NamedArray> inputs) {
   const auto check = [](const NamedArray& output, const NamedArray& other) {
     if (overlap(output, other))

@@ -290,7 +290,7 @@ void Solver::check(const ContactBatchView<Real>& batch, const SolutionView<Real>
   check(batch, solution, static_cast<const Real*>(nullptr), full_rows);
 }
 
-/// Checks, and tells what was seen of the rows of a batch on the host.
+/// Checks a batch, and returns the kind of its rows on the host.
 template <class Real>
 void Solver::check(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution, const Real* warm_start,
                    std::vector<FullRows>& full_rows) const {

@@ -15,7 +15,7 @@ void require_structure(const std::vector<Defect>& defects) {
   throw Error(ErrorCode::invalid_argument, "the batch cannot be copied: " + defects.front().message);
 }
 
-/// Copies the part in use of a host batch, one environment behind the other.
+/// Copies the part in use of a host batch, one environment after another.
 template <class Real>
 ContactBatch<Real> packed(const ContactBatchView<Real>& batch) {
   typename ContactBatch<Real>::Arrays to;

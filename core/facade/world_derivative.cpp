@@ -107,7 +107,7 @@ struct WorldStep<Real>::Parts {
     return to;
   }
 
-  /// Contacts of an environment: their own numbers, and what restitution and depth depend on.
+  /// Contacts of an environment: their own numbers, and those that restitution and depth depend on.
   void add_contacts(Offset env, const Pulled& from, std::vector<double>& twist, WorldGradient<Real>& to) const {
     const JacobianBatchView<double> view = jacobians.batch.view();
     for (Offset c = env_contacts[at(env)]; c < env_contacts[at(env) + 1]; ++c) {

@@ -16,7 +16,7 @@ class ConflictColors {
   void manifold_added(Index slot);
   /// Told while the manifold is still in the graph.
   void manifold_removed(const BodyGraph& graph, Index slot);
-  /// Evaluates what may have changed, highest priority first, so that nothing is evaluated twice.
+  /// Evaluates manifolds that may have changed, highest priority first, so that nothing is evaluated twice.
   void settle(const BodyGraph& graph, GraphChange& change);
   void rebuild(const BodyGraph& graph);
 

@@ -19,7 +19,7 @@ struct FixedEdge {
   Index contact_count = 0, color = 0;
 };
 
-/// One island with what belongs to it, as drawings and spectra need it.
+/// One island with its members, as drawings and spectra need it.
 struct IslandEdges {
   std::vector<Index> bodies;  ///< ascending
   Offset contact_count = 0;

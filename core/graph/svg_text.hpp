@@ -6,7 +6,7 @@
 
 namespace stiction::graph {
 
-/// Colours of texts: what is read first, and what explains it.
+/// Colours of texts: titles, and explanations.
 inline constexpr const char* kInk = "#333a45";
 inline constexpr const char* kPale = "#6b7480";
 

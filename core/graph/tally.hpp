@@ -6,7 +6,7 @@
 
 namespace stiction::graph {
 
-/// How often each value occurs, for the least and the most of values that come and go. O(log distinct values) each.
+/// Counts each value's occurrences, for the least and the most of values that come and go. O(log distinct values) each.
 class Tally {
  public:
   void add(Offset value) { ++times_[value]; }

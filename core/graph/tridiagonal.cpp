@@ -6,7 +6,7 @@
 namespace stiction::graph {
 namespace {
 
-/// How many eigenvalues of T are below x (Sturm sequence).
+/// Counts the eigenvalues of T below x (Sturm sequence).
 std::size_t count_below(const Tridiagonal& T, double x) {
   std::size_t count = 0;
   double pivot = 1;

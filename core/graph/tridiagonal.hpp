@@ -8,7 +8,7 @@ namespace stiction::graph {
 /// A symmetric tridiagonal matrix.
 struct Tridiagonal {
   std::vector<double> diagonal;
-  std::vector<double> off;  ///< off[i] couples i and i + 1; what follows the last coupling is not read
+  std::vector<double> off;  ///< off[i] couples i and i + 1; entries behind the last coupling are not read
 };
 
 /// A bound on the absolute value of every eigenvalue (Gershgorin).

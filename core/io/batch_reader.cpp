@@ -65,7 +65,7 @@ void read_dynamics(const InputFile& file, Recording& recording) {
   if (file.has("row_target")) recording.row_target = file.reals("row_target", rows);
   if (file.has("env_dof_ptr")) {
     recording.env_dof_offsets = file.integers<Offset>("env_dof_ptr", arrays.env_row_offsets.size());
-    // The number of degrees of freedom is the end of this array; what has that many elements is checked below.
+    // The number of degrees of freedom is the end of this array; arrays of that many elements are checked below.
     const Offset last = recording.env_dof_offsets.back();
     check_offsets(file, "env_dof_ptr", recording.env_dof_offsets, static_cast<std::size_t>(last));
     const auto dofs = static_cast<std::size_t>(last);

@@ -21,7 +21,7 @@ void require_csr(const char* name, const Csr& matrix, std::size_t rows) {
   }
 }
 
-/// Refuses what read_batch would refuse, before a file is made of it.
+/// Refuses batches that read_batch would refuse, before a file is made of them.
 void check(const Recording& recording) {
   if (!recording.batch.arrays().factor.empty())
     throw Error(

@@ -113,7 +113,7 @@ void put_bodies(const std::vector<Piece>& pieces, Offset environments, Checkpoin
     }
 }
 
-/// Reads what of the parts has some of those bodies; of all bodies without `of`.
+/// Reads the parts that have some of those bodies; of all bodies without `of`.
 CheckpointShare read_parts(const std::filesystem::path& path, const InputFile& index,
                            std::optional<Offset> environments, std::optional<CheckpointBodies> of) {
   std::string base;
@@ -155,7 +155,7 @@ void remove_parts(const std::filesystem::path& path, const CheckpointParts& but)
   std::vector<std::filesystem::path> kept;
   for (std::int64_t k = 0; k < count; ++k) kept.push_back(checkpoint_part(path, but.step, k, count).filename());
   for (const std::filesystem::path& part : parts_beside(path)) {
-    std::error_code ignored;  // what stays is named by nothing
+    std::error_code ignored;  // a part that stays is named by nothing
     if (std::find(kept.begin(), kept.end(), part.filename()) == kept.end()) std::filesystem::remove(part, ignored);
   }
 }

@@ -9,7 +9,7 @@ namespace stiction::io {
 namespace {
 
 /// Reads a matrix of FCLIB. In triplets `i` is the row and `p` the column, as all public files have it (the comment in
-/// fclib.h says the opposite). nzmax is ignored, since it may exceed what is used; duplicates add up.
+/// fclib.h says the opposite). nzmax is ignored, since it may exceed the entries in use; duplicates add up.
 Csr read_matrix(const InputFile& file, const std::string& path, std::size_t rows, std::size_t cols) {
   const std::int64_t m = file.integer(path + "/m"), n = file.integer(path + "/n"), nz = file.integer(path + "/nz");
   if (m != static_cast<std::int64_t>(rows) || n != static_cast<std::int64_t>(cols)) {

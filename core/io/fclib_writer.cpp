@@ -21,7 +21,7 @@ void integer(OutputFile& file, const std::string& path, std::int32_t value) {
   file.array(path, std::span<const std::int32_t>(&value, 1));
 }
 
-/// mu of each contact, and the common number of rows; refuses what FCLIB cannot say.
+/// mu of each contact, and the common number of rows; refuses batches that FCLIB cannot hold.
 struct Contacts {
   std::vector<double> mu;
   Index dimension = 3;

@@ -186,7 +186,7 @@ bool InputFile::is_unsigned_64(const Dataset& dataset) const {
 std::vector<std::int64_t> InputFile::wide_integers(const std::string& path, std::optional<std::size_t> length) const {
   const Dataset dataset = open(path, Values::integer, length);
   std::vector<std::int64_t> values(dataset.count);
-  // HDF5 would clip what does not fit; unsigned 64-bit numbers are therefore read as such, and a set top bit refused.
+  // HDF5 would clip numbers that do not fit; unsigned 64-bit numbers are read as such, and a set top bit refused.
   const bool huge = is_unsigned_64(dataset);
   read(path, dataset, huge ? H5T_NATIVE_UINT64 : H5T_NATIVE_INT64, values.data());
   if (huge) {

@@ -15,8 +15,8 @@ namespace stiction::io {
 void require_length(const std::string& what, std::size_t found, std::size_t expected);
 
 /// An HDF5 file being written. HDF5 writes it into memory, and commit() to a file beside its destination, to which that
-/// is renamed. A reader hence never sees half a file and a failed write leaves what was there. HDF5 1.10 must not meet
-/// a full disk itself: it cannot close the file then, and crashes when the program ends. The same calls give the same
+/// is renamed. A reader hence never sees half a file, and a failed write leaves the old one. HDF5 1.10 must not meet a
+/// full disk itself: it cannot close the file then, and crashes when the program ends. The same calls give the same
 /// bytes (no time stamps).
 class OutputFile {
  public:

@@ -18,7 +18,7 @@ struct BlockPattern {
   [[nodiscard]] STICTION_HD Index blocks() const { return offsets[rows]; }
 };
 
-/// Takes a pattern from the stream, which then begins with what follows it: rows, columns_total, offsets, columns.
+/// Takes a pattern from the stream, which then begins behind it: rows, columns_total, offsets, columns.
 STICTION_HD BlockPattern take_pattern(const Index*& stream) {
   BlockPattern pattern;
   pattern.rows = stream[0];

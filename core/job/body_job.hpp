@@ -16,7 +16,7 @@ STICTION_HD Law contact_law(const BodySolverOptions& options) {
   return options.box_friction ? kBoxFriction : options.law;
 }
 
-/// One body solve as plain data: what crosses into code compiled for an instruction set or a device.
+/// One body solve as plain data, which crosses into code compiled for an instruction set or a device.
 template <class Real>
 struct BodyJob {
   BodyBatchView<Real> batch;

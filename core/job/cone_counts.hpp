@@ -31,9 +31,9 @@ STICTION_HD constexpr EnvPath choose_path(Offset n, Offset nnz, bool is_never_de
   return is_never_dense && n > 0 ? EnvPath::sparse : choose_path(n, nnz);
 }
 
-/// How many cones of each kind an environment has. In canonical order cones are sorted by kind and row count (free,
-/// unilateral, box, friction of 2, 3, ... 6 rows). Boxed friction and semidefinite matrices have the rows and the place
-/// of a friction cone. The sort is stable, so these counts say where every cone begins.
+/// Cones of each kind in an environment. In canonical order cones are sorted by kind and row count (free, unilateral,
+/// box, friction of 2, 3, ... 6 rows). Boxed friction and semidefinite matrices have the rows and the place of a
+/// friction cone. The sort is stable, so these counts say where every cone begins.
 struct ConeCounts {
   Index free = 0;
   Index unilateral = 0;
@@ -55,7 +55,7 @@ STICTION_HD constexpr Index shape_rows(int shape) {
 STICTION_HD constexpr int shape_of(ConeKind kind, Index rows) {
   return kind >= ConeKind::friction ? static_cast<int>(rows) + 1 : static_cast<int>(kind);
 }
-/// How many cones of it there are.
+/// Returns the number of cones.
 STICTION_HD constexpr Index shape_count(const ConeCounts& counts, int shape) {
   if (shape >= 3) return counts.friction[shape - 1];
   return shape == 0 ? counts.free : shape == 1 ? counts.unilateral : counts.box;

@@ -63,7 +63,7 @@ struct JacobianVjpJob {
   JacobianBatchJob<Real> assembly;  ///< how it is assembled, laid out already
   JacobianSolutionCotangentView<Real> cotangents;
   JacobianBatchCotangentView<Real> gradients;
-  Real* seed;  ///< by the reactions, with what velocities depend on them  (count * row_count)
+  Real* seed;  ///< by the reactions, with the terms of velocities that depend on them  (count * row_count)
   Real* nu;    ///< by b                                                   (count * row_count)
   JacobianVjpLanes<Real> lanes;
   bool has_jacobian = true;  ///< else there is nothing to assemble, and `contact` is all

@@ -14,7 +14,7 @@ struct EnvFeatures {
   bool has_matrices = false;  ///< some cone is semidefinite: for methods that project only
   bool is_compliant = false;  ///< R > 0 on every row that can carry a reaction
   bool is_pivots = false;     ///< some row's diagonal is not positive: for complementary pivoting only
-  double spread = 1.0;        ///< largest over smallest normal diagonal of A + R: what mass ratios do to A
+  double spread = 1.0;        ///< largest over smallest normal diagonal of A + R: effect of mass ratios on A
   Law law = Law::convex;
 };
 

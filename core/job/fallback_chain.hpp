@@ -8,14 +8,14 @@ namespace stiction {
 /// One stage of the fallback chain.
 struct FallbackStage {
   SolverKind solver;
-  Index iterations;  ///< what it needs when it works at all, so that a stage that does not work is left soon
-  double omega;      ///< what the caller's relaxation is multiplied by
+  Index iterations;  ///< its need when it works at all, so that a stage that does not work is left soon
+  double omega;      ///< factor of the caller's relaxation
 };
 
 /// The fallback chain, in the order in which it is tried. None is left out of the order for an environment that begins
-/// higher up. The last three are for what no other could solve. Gradients and sweeps are slow, but need neither a
-/// matrix nor a start within a region of convergence. Newton's method follows from where they ended, with three times
-/// the iterations.
+/// higher up. The last three are for environments that no other could solve. Gradients and sweeps are slow, but need
+/// neither a matrix nor a start within a region of convergence. Newton's method follows from where they ended, with
+/// three times the iterations.
 inline constexpr int kFallbackStages = 8;
 STICTION_HD constexpr FallbackStage fallback_stage(int stage) {
   constexpr FallbackStage kFallbackChain[kFallbackStages] = {{SolverKind::subspace, 512, 1.0},
@@ -40,8 +40,8 @@ static_assert(fallback_stage(kPivotingStage).solver == SolverKind::lemke);
 static_assert(fallback_stage(kGradientStage).solver == SolverKind::apgd);
 
 /// Iterations of a stage in an environment of `rows` rows; no more than are allowed. The more rows there are, the
-/// longer sweeps go on, since each iteration of what comes after them costs in the order of rows sweeps. There is no
-/// limit if nothing that factorises comes after them.
+/// longer sweeps go on, since each iteration of the later stages costs in the order of rows sweeps. There is no limit
+/// if nothing that factorises comes after them.
 STICTION_HD constexpr Index stage_iterations(int stage, Index rows, Index allowed) {
   constexpr Index kSweepsPerRow = 4;
   if (rows > kDirectRows) return allowed;

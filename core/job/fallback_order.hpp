@@ -10,7 +10,7 @@ namespace stiction {
 /// One turn of the fallback chain.
 struct FallbackTurn {
   SolverKind solver;
-  double omega;  ///< what the caller's relaxation is multiplied by
+  double omega;  ///< factor of the caller's relaxation
   int stage;     ///< whose limit of iterations it has; below 0: the caller's, since nothing comes after it
 };
 
@@ -50,7 +50,7 @@ STICTION_HD constexpr SolverKind turn_solver(int turn) {
 
 /// Returns true if gradients may come before factorisations, where A has so many stored entries. Ten factorisations
 /// are the fewest after which Newton's method and the interior point were seen to end. All iterations that gradients
-/// may have must cost no more multiplications. Gradients that fail hence cost about what comes after them costs
+/// may have must cost no more multiplications. Gradients that fail hence cost about as much as their successors cost
 /// anyway, however it ends.
 STICTION_HD constexpr bool is_gradient_cheap(Index rows, Offset entries) {
   constexpr Offset kFewestFactorisations = 10;

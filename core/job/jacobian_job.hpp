@@ -24,7 +24,7 @@ struct JacobianJob {
 inline constexpr std::uint8_t kAnswered = 1, kTriedInDouble = 2, kTried = 4;
 
 /// The arrays of a contact batch that shares the cones and vectors of the Jacobian batch that it is made of. The two
-/// have the same rows, room included, so only what follows from J and M is stored anew.
+/// have the same rows, room included, so only the results of J and M are stored anew.
 template <class Real>
 struct JacobianArrays {
   std::uint32_t* flags;    ///< EnvFlag bits                                            (envs)
@@ -38,7 +38,7 @@ struct JacobianArrays {
   Real* A;                 ///<                                                         (matrix_room)
   Real* Y;                 ///<                                                         (factor_room)
   Real* b;                 ///<                                                         (rows)
-  Index* env_row_counts;   ///< rows left to solve, 0 of what has its answer; null: all (envs)
+  Index* env_row_counts;   ///< rows left to solve, 0 of answered environments; null: all (envs)
   Index* env_cone_counts;  ///< cones of them                                           (envs)
   std::uint8_t* answered;  ///< kAnswered: Newton's method in velocities has solved it  (envs)
   EnvStatus* status;       ///< how                                                     (envs)

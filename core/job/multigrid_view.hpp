@@ -63,7 +63,7 @@ struct MultigridView {
   }
 };
 
-/// Takes a hierarchy from the stream, which then begins with what follows it.
+/// Takes a hierarchy from the stream, which then begins behind it.
 STICTION_HD MultigridView take_multigrid(const Index*& stream) {
   const MultigridView view{stream};
   stream += stream[0];

@@ -17,7 +17,7 @@ struct NewtonStream {
   const Index* level_offsets = nullptr;   ///< into `level_bodies`                               (levels + 1)
   const Index* level_bodies = nullptr;    ///< bodies by level                                   (rows)
   const Index* level_links = nullptr;     ///< beyond level 0: the contact with the level before (rows)
-  const Index* preconditioner = nullptr;  ///< what the preconditioner takes for itself
+  const Index* preconditioner = nullptr;  ///< integers of the preconditioner
 };
 
 /// Takes an environment's stream apart.

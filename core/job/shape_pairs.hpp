@@ -27,7 +27,7 @@ STICTION_HD Offset pair_number(const WorldModelView<Real>& model, const ShapePai
          Offset{pair.shape_a - a.begin} * (b.end - b.begin) + (pair.shape_b - b.begin);
 }
 
-/// How many pairs there are: all that come before the last body, which shares none with a later one.
+/// Counts the pairs: all that come before the last body, which shares none with a later one.
 template <class Real>
 STICTION_HD Offset pair_count(const WorldModelView<Real>& model) {
   return shapes_of_body(model, model.bodies - 1).pairs_before;

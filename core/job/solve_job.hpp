@@ -7,7 +7,7 @@
 
 namespace stiction {
 
-/// One solve as plain data in the memory of the machine that does it: what every kernel is given.
+/// One solve as plain data in the memory of the machine that does it: the argument of every kernel.
 template <class Real>
 struct SolveJob {
   ContactBatchView<Real> batch;

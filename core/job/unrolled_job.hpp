@@ -4,7 +4,7 @@
 
 namespace stiction {
 
-/// Cotangents of what so many sweeps return, to cotangents of the batch and of where they began. `at.lambda` is not
+/// Cotangents of the results of so many sweeps, to cotangents of the batch and of where they began. `at.lambda` is not
 /// read.
 template <class Real>
 struct UnrolledJob : VjpJob<Real> {

@@ -12,7 +12,7 @@ struct VelocityResult {
   std::uint32_t flags = 0;  ///< EnvFlag bits
   Index steps = 0;
   bool is_answered = true;
-  bool is_rounding = false;  ///< of what is answered: it is not solved, and roundings are all that is left
+  bool is_rounding = false;  ///< of an answered one: it is not solved, and roundings are all that is left
 };
 
 /// Pointers into the batch. For a sub-problem (dof_islands.hpp), `dof` and `cone` list its members; for a whole
@@ -37,7 +37,7 @@ struct LaneEnv {
   VelocityResult* result = nullptr;
 };
 
-/// Newton's method in velocities on a Jacobian batch, as plain data: what is read, when to stop, where results go.
+/// Newton's method in velocities on a Jacobian batch, as plain data: input, limits, and where results go.
 template <class Real>
 struct VelocityJob {
   JacobianBatchView<Real> batch;
@@ -48,7 +48,7 @@ struct VelocityJob {
   const Real* warm_start = nullptr;     ///< reactions to start from, or null          (row_count)
   const Real* warm_velocity = nullptr;  ///< velocities to start from, or null; with neither, from v_free (dof_count)
   JacobianSolutionView<Real> to;
-  std::uint8_t* answered = nullptr;  ///< out: without kAnswered what was written of it is of no use  (env_count)
+  std::uint8_t* answered = nullptr;  ///< out: without kAnswered the environment's output is of no use  (env_count)
 };
 
 }  // namespace stiction

@@ -34,7 +34,7 @@ struct Workspace {
   }
   /// Numbers of Real for the squares of a dense system of n rows.
   [[nodiscard]] STICTION_HD constexpr Offset square_elements(Offset n) const { return real_matrices * n * n; }
-  /// The workspace without what no loading touches.
+  /// The workspace without the parts that no loading touches.
   [[nodiscard]] STICTION_HD constexpr Workspace to_load() const {
     Workspace workspace = *this;
     workspace.real_matrices = 0;

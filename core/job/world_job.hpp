@@ -4,7 +4,7 @@
 
 #include "stiction/world.hpp"
 
-/// A world as plain data: what crosses into code compiled for an instruction set or a device.
+/// A world as plain data, which crosses into code compiled for an instruction set or a device.
 namespace stiction {
 
 /// Contact points of one pair of shapes, at most, and numbers that tell them apart from step to step.
@@ -96,8 +96,8 @@ struct WorldContacts {
   Index *body_a, *body_b;
   Real *arm_a, *arm_b, *normal, *mu, *depth, *restitution;
   std::uint64_t* id;
-  Real* guess;    ///< what the impulse is looked for from
-  Real* impulse;  ///< what it ended with
+  Real* guess;    ///< start of the impulse
+  Real* impulse;  ///< final impulse
 };
 
 /// Destination of a step's contacts, and memory of the step before.

@@ -39,7 +39,7 @@ std::unique_ptr<BodyMachine> make_emulated_body_machine();
 /// \throws Error(no_device) with the reason, Error(unsupported) in a build without CUDA.
 std::unique_ptr<BodyMachine> make_cuda_body_machine(int ordinal);
 
-/// The structural defects alone: what validate() lists first. Only the integers are read.
+/// The structural defects alone: the first of validate()'s list. Only the integers are read.
 template <class Real>
 std::vector<Defect> validate_structure(const BodyBatchView<Real>& batch, std::size_t limit,
                                        const ParallelFor& parallel_for);

@@ -6,8 +6,8 @@
 
 namespace stiction {
 
-/// Differentiates contact batches, and batches of J and M, on one machine; everything was checked before. Jobs of J and
-/// M come with all but an assembly and memory for what is connected with it.
+/// Differentiates contact batches, and batches of J and M, on one machine; everything was checked before. Jobs of J
+/// and M come with all but an assembly and its memory.
 class DerivativeMachine {
  public:
   virtual ~DerivativeMachine() = default;
@@ -22,7 +22,7 @@ class DerivativeMachine {
   /// Jobs of sweeps come with an order of cones if their batch is in host memory.
   virtual void unrolled_vjp(const UnrolledJob<float>& job, StreamRef stream) = 0;
   virtual void unrolled_vjp(const UnrolledJob<double>& job, StreamRef stream) = 0;
-  /// Returns when what was queued on `stream` is done.
+  /// Returns when the work queued on `stream` is done.
   virtual void synchronize(StreamRef stream) = 0;
 };
 

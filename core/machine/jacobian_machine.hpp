@@ -29,8 +29,8 @@ class JacobianMachine {
   /// Solves environments of a shape that Newton's method in velocities supports, and keeps their answers until write().
   /// Returns true if all are known to be solved: then nothing is assembled.
   virtual bool solve_velocities(const VelocityJob<Real>& job, StreamRef stream) = 0;
-  /// Calls `rest`, which assembles and solves what has no answer yet, by work that it queues on the stream that it is
-  /// given. A device may leave that work out where solve_velocities() has solved all.
+  /// Calls `rest`, which assembles and solves environments without an answer, by work that it queues on the stream
+  /// that it is given. A device may leave that work out where solve_velocities() has solved all.
   virtual void queue_rest(const JacobianBatchView<Real>&, StreamRef stream,
                           const std::function<void(StreamRef)>& rest) {
     rest(stream);
@@ -38,7 +38,7 @@ class JacobianMachine {
   /// Returns the contact batch, valid in the order of `stream` until the next call. Environments that
   /// solve_velocities() has solved have no rows in it.
   virtual ContactBatchView<Real> assemble(const JacobianBatchView<Real>& batch, StreamRef stream) = 0;
-  /// How environments are assembled: each has its place in the machine's arrays, until the next call, and is not
+  /// Layout of assembled environments: each has its place in the machine's arrays, until the next call, and is not
   /// written yet. On the CPU its rows are.
   virtual JacobianBatchJob<Real> lay_out(const JacobianBatchView<Real>& batch, StreamRef stream) = 0;
   /// Writes the answers of solve_velocities(), and for other environments the velocities that `solution.lambda` leads

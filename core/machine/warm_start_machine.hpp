@@ -7,7 +7,7 @@
 
 namespace stiction {
 
-/// A store's memory on one machine and what can be done to it; everything was checked before.
+/// A store's memory on one machine and its operations; everything was checked before.
 template <class Real>
 class WarmStartMachine {
  public:

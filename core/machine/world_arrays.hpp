@@ -47,7 +47,7 @@ struct HostContacts {
   [[nodiscard]] WorldContacts<Real> view();
 };
 
-/// A world in host memory: where the CPU steps it, or a copy of what a device holds.
+/// A world in host memory: the CPU's own, or a copy of a device's.
 template <class Real>
 struct WorldArrays {
   WorldArrays(const WorldModelView<Real>& world, Offset envs);

@@ -299,7 +299,7 @@ BodyPlanData make_body_plan(const BodyBatchView<Real>& batch, Index capacity, co
     for (Offset e = begin; e < end; ++e) {
       const EnvContacts env = contacts_of(batch, e);
       const bool is_over = capacity > 0 && env.contacts > capacity;
-      // Copies of one robot often touch alike; what each keeps of too many contacts is a matter of depths.
+      // Copies of one robot often touch alike; the contacts that each keeps of too many depend on depths.
       if (e > begin && !is_over && are_alike(contacts_of(batch, e - 1), env)) {
         part_of(plan, batch, e).copy(part_of(plan, batch, e - 1), env.bodies, env.contacts);
         continue;

@@ -31,8 +31,8 @@ struct BodyPlanData {
   std::vector<Index> body_contacts;  ///< of each body that is pushed, in order of position: the position where it is b,
                                      ///< ~position where it is a                                 (2 * contact_count)
 
-  bool has_newton = false;             ///< whether what follows is there
-  BodySpaceOptions space;              ///< what it was made for
+  bool has_newton = false;             ///< whether the arrays below are there
+  BodySpaceOptions space;              ///< options that it was made for
   std::vector<Index> newton_stream;    ///< integers of Newton's method in body space (core/job/newton_stream.hpp)
   std::vector<Offset> newton_offsets;  ///< where each environment's begin in it                   (env_count + 1)
 

@@ -35,7 +35,7 @@ namespace {
 #endif
 
 #if STICTION_HAS_SUITESPARSE_AMD || STICTION_HAS_METIS
-/// Patterns are checked before, so that memory is what such a library can lack.
+/// Patterns are checked before, so that such a library can lack memory alone.
 [[noreturn]] void fail(const char* call, int code, Index rows) {
   throw Error(ErrorCode::out_of_memory, std::string(call) + " gave up with code " + std::to_string(code) + " on " +
                                             std::to_string(rows) +

@@ -4,7 +4,7 @@
 
 namespace stiction {
 
-/// Adds to a plan what Newton's method in body space needs of every environment (BodyPlanData::newton_stream). It
+/// Adds to a plan the data of Newton's method in body space for every environment (BodyPlanData::newton_stream). It
 /// follows from the plan's own integers and `space` alone.
 void add_newton_plan(BodyPlanData& plan, const BodySpaceOptions& space);
 

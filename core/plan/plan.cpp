@@ -48,7 +48,7 @@ struct EnvStructure {
   [[nodiscard]] const Index* columns(Index row) const {
     return all.column + (all.column_offsets ? all.column_offsets : all.row_offsets)[first_row + row];
   }
-  /// Room of the stored entries, what is not in use between rows included.
+  /// Room of the stored entries, unused ones between rows included.
   [[nodiscard]] Offset entry_span() const { return all.row_offsets[first_row + rows] - all.row_offsets[first_row]; }
   /// Stored entries: the same for an environment with room between its rows as for one without.
   [[nodiscard]] Offset nonzeros() const {

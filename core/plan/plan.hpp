@@ -42,8 +42,8 @@ struct PlanData : std::enable_shared_from_this<PlanData> {
 PlanData make_plan(const BatchStructure& structure, const ParallelFor& parallel_for = all_at_once);
 
 /// Returns true if a plan was made for a structure like this host batch's, in time proportional to its cones. Sizes,
-/// kinds and paths are compared, which is what memory safety needs. The sparsity pattern is not, and a plan for
-/// another pattern may colour two coupled cones alike.
+/// kinds and paths are compared, which memory safety needs. The sparsity pattern is not, and a plan for another
+/// pattern may colour two coupled cones alike.
 bool fits(const PlanData& plan, const BatchStructure& structure, const ParallelFor& parallel_for = all_at_once);
 
 }  // namespace stiction

@@ -72,7 +72,7 @@ std::vector<Offset> taken_by(const cpu::VjpPackKernel<Real>& packs, const VjpJob
   return taken;
 }
 
-/// Pulls a batch of contacts back: side by side what packs take, one by one what is left.
+/// Pulls a batch of contacts back: side by side those that packs take, one by one the others.
 template <class Real>
 void vjp_of_contacts(const VjpJob<Real>& job, int threads, const cpu::DerivativeKernels<Real>& kernels) {
   const Offset envs = job.batch.env_count;
@@ -91,7 +91,7 @@ void vjp_of_contacts(const VjpJob<Real>& job, int threads, const cpu::Derivative
   for_each_env(job, envs, threads, kernels.vjp, answered.data());
 }
 
-/// Pulls back what lanes take. Scratch grows with the packs, whose size is known when they are merged.
+/// Pulls back environments in lanes. Scratch grows with the packs, whose size is known when they are merged.
 template <class Real>
 void vjp_in_lanes(const JacobianVjpJob<Real>& job, int threads) {
   cpu::JacobianVjpParts<Real> parts(job);
@@ -108,7 +108,7 @@ void vjp_in_lanes(const JacobianVjpJob<Real>& job, int threads) {
   parts.finish();
 }
 
-/// A job of J and M. The arrays that are assembled, and what goes between the parts, live as long as the call.
+/// A job of J and M. The arrays that are assembled, and those between the parts, live as long as the call.
 template <class Real, class Job>
 void run_jacobian_job(Job job, int threads, double kappa, const cpu::DerivativeKernel<Job>& exact,
                       const cpu::DerivativeKernel<RelaxedJob<Job, Real>>& relaxed) {

@@ -122,8 +122,8 @@ class CpuJacobianMachine final : public JacobianMachine<Real> {
     return job;
   }
 
-  /// Room for what Newton's method in velocities finds. Answers are kept here until all else is solved: a solve that
-  /// throws must have written nothing.
+  /// Room for the results of Newton's method in velocities. Answers are kept here until all else is solved: a solve
+  /// that throws must have written nothing.
   void reserve_answers(const JacobianBatchView<Real>& batch, bool by_newton) {
     const std::size_t envs = by_newton ? static_cast<std::size_t>(batch.env_count) : 0;
     arrays_.answered = by_newton ? at_least(answered_, envs + 1) : nullptr;
@@ -136,7 +136,7 @@ class CpuJacobianMachine final : public JacobianMachine<Real> {
                 at_least(velocity_, static_cast<std::size_t>(batch.dof_count)), arrays_.status};
   }
 
-  /// Newton's method on what it takes. Returns how many environments were solved.
+  /// Newton's method on the environments it takes. Returns how many environments were solved.
   Offset solve_by_newton(const VelocityJob<Real>& newton) {
     VelocityJob<Real> job = newton;
     job.to = answers_;

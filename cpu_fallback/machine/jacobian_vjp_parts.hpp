@@ -37,7 +37,7 @@ class JacobianVjpParts {
   /// Result of each of them; to be filled.
   [[nodiscard]] JacobianVjpResult* results() { return results_.data(); }
 
-  /// Joins what was found of each environment's parts, and writes down which are answered.
+  /// Joins the results of each environment's parts, and writes down which are answered.
   void finish() const {
     std::vector<JacobianVjpResult> wholes(static_cast<std::size_t>(job_.assembly.batch.env_count));
     for (std::size_t i = 0; i < parts_.size(); ++i) {

@@ -4,9 +4,9 @@
 
 namespace stiction::cpu {
 
-/// How many environments of `count` a worker takes at a time, to make packs of those that are alike. With many, few
-/// cones have a slot for themselves; 512 humanoids make packs with a third fewer rows than 16. With few, no worker
-/// waits long for the last.
+/// Environments of `count` that a worker takes at a time, to make packs of those that are alike. With many, few cones
+/// have a slot for themselves; 512 humanoids make packs with a third fewer rows than 16. With few, no worker waits
+/// long for the last.
 inline Offset run_length(Offset count, Index width, int workers) {
   constexpr Offset kMost = 512, kFewestPacks = 2, kRunsPerWorker = 4;
   const Offset share = workers > 1 ? count / (kRunsPerWorker * workers) : count;

@@ -47,7 +47,7 @@ class VelocityParts {
     return parts_;
   }
 
-  /// Joins what was found of each environment's parts, and writes down which are answered.
+  /// Joins the results of each environment's parts, and writes down which are answered.
   void finish(const VelocityJob<Real>& job) {
     wholes_.assign(static_cast<std::size_t>(job.batch.env_count), VelocityResult{});
     for (const LaneEnv<Real>& part : parts_) {

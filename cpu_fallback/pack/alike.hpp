@@ -41,7 +41,7 @@ class AlikeEnvs {
   }
 
   [[nodiscard]] const LaneEnv<Real>* envs() const { return envs_; }
-  /// How many come before those in double, and how many are there.
+  /// Counts of those before those in double, and of all.
   [[nodiscard]] Offset singles() const { return count_ - doubles_; }
   [[nodiscard]] Offset doubles() const { return doubles_; }
   /// The cones of a pack's members.

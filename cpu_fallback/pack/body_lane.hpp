@@ -9,7 +9,7 @@
 #include "core/base/extents.hpp"
 #include "cpu_fallback/pack/pack_driver.hpp"
 
-/// The lanes of a pack of rigid bodies, and what of their plans the pack keeps of all together.
+/// The lanes of a pack of rigid bodies, and plan data that the pack keeps of all together.
 namespace stiction::inline STICTION_ISA {
 
 /// A lane's environment, and how far it is.

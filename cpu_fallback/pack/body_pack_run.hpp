@@ -14,7 +14,7 @@
 /// Environments of rigid bodies in the lanes of a pack. Compiled once per instruction set.
 namespace stiction::inline STICTION_ISA {
 
-/// The memory of a pack for environments of at most `shape`, cut into what it keeps. All of it lies in numbers of Real,
+/// The memory of a pack for environments of at most `shape`, cut into its arrays. All of it lies in numbers of Real,
 /// but the twists in double.
 template <Law kLaw, class Real>
 struct BodyPackMemory {
@@ -78,7 +78,7 @@ class BodyPackRun : public PackDriver<BodyPackRun<kLaw, Real>, kPackWidth<Real>>
     env_.blocks = {block_ends_.data(), longest_block_.data()};
   }
 
-  /// Sweeps until the first chunk ends, and what follows a chunk in the lanes where one has ended.
+  /// Sweeps until the first chunk ends, and the work behind a chunk in the lanes where one has ended.
   void advance() {
     measure();
     compose();
@@ -183,7 +183,7 @@ class BodyPackRun : public PackDriver<BodyPackRun<kLaw, Real>, kPackWidth<Real>>
       put_twist(system.exact_row(body), free_twist(lane.env, system, params_, body));
   }
 
-  /// Computes what follows from the numbers that have entered. An environment that cannot be solved is answered.
+  /// Computes the dependents of the numbers that have entered. An environment that cannot be solved is answered.
   LaneSet load_new(LaneSet entered) {
     measure();
     compose();
@@ -231,7 +231,7 @@ class BodyPackRun : public PackDriver<BodyPackRun<kLaw, Real>, kPackWidth<Real>>
     });
   }
 
-  /// How much of the pack is in use.
+  /// Measures the part of the pack in use.
   void measure() {
     pack_.contacts = pack_.bodies = 0;
     busy_.for_each([&](int l) {
@@ -241,7 +241,7 @@ class BodyPackRun : public PackDriver<BodyPackRun<kLaw, Real>, kPackWidth<Real>>
     });
   }
 
-  /// Brings what the pack keeps of all lanes together up to date.
+  /// Updates the pack's data of all lanes together.
   void compose() {
     if (is_composed_) return;
     write_sides(env_.sides, lanes_, busy_, pack_.contacts);
@@ -282,8 +282,8 @@ class BodyPackRun : public PackDriver<BodyPackRun<kLaw, Real>, kPackWidth<Real>>
     return momentum;
   }
 
-  /// After so many sweeps: what follows a chunk in the lanes where one has ended. One of two packs that alternate may
-  /// have no such lane.
+  /// After so many sweeps: the work behind a chunk in the lanes where one has ended. One of two packs that alternate
+  /// may have no such lane.
   void end_chunks(Index count, const SiMomentum<Packed>& momentum) {
     busy_.for_each([&](int l) {
       Lane& lane = lanes_[l];

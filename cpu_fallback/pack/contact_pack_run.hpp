@@ -96,8 +96,8 @@ class ContactPackRun : public PackDriver<ContactPackRun<Method, kLaw, Real>, kPa
         rules_(load_rules<Method>(kLaw, lanes_[0])) {
     if (params_.is_fallback_stage) rules_.needs_symmetry = false;
     pack_.has_blocks = job.batch.block_visits > 1;
-    // Padding is zero. Idle lanes compute on whatever they hold, be it what a refused environment has left: masks keep
-    // it out of every lane that counts.
+    // Padding is zero. Idle lanes compute on any numbers, be they those of a refused environment: masks keep them out
+    // of every lane that counts.
     for (Offset i = 0; i < elements(slots); ++i) scratch[i] = Real(0);
     prefetch_ahead();
   }
@@ -256,7 +256,7 @@ Offset one_elements(const cpu::Job<Real>& job, Offset env) {
   return SparseSystem<Real>::elements(view.n, view.cone_count, view.entry_span(), workspace);
 }
 
-/// Solves one environment, under either law: what takes the time asks for the law once a sweep, or not at all.
+/// Solves one environment, under either law: the expensive part asks for the law once a sweep, or not at all.
 template <class Method, class Real>
 void solve_one(const cpu::Job<Real>& job, Offset env, Real* scratch) {
   const StopRule rule = stop_rule(job, env);

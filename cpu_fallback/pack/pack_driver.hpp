@@ -47,13 +47,13 @@ Mask<Pack<Real, W>> mask_of(LaneSet lanes) {
 
 /// Lets environments enter and leave the lanes of a pack between chunks, so that the vector stays nearly full until the
 /// queue ends. Each one starts at a chunk boundary with its own count of iterations. Its results hence do not depend
-/// on its lane, its neighbours or the moment it entered. `Run` says what an environment in a lane is:
+/// on its lane, its neighbours or the moment it entered. `Run` defines an environment in a lane:
 ///
 ///   kTogether                      free lanes that are waited for before any is loaded
 ///   LaneSet due()                  the busy lanes whose chunk has ended
 ///   void check_convergence(lanes)  releases those of them that are finished
 ///   LaneSet load_free_lanes()      takes from the queue; the lanes whose environments can be solved
-///   void advance()                 the next chunk, or what is left of the first that ends
+///   void advance()                 the next chunk, or the rest of the first that ends
 template <class Run, int kLanes>
 class PackDriver {
  public:
@@ -79,8 +79,8 @@ template <class Run>
 void run_out(Run& pack) {
   while (pack.refill()) pack.advance();
 }
-/// Two packs that share a queue. They alternate as long as both have an environment: what one does hides what the other
-/// waits for.
+/// Two packs that share a queue. They alternate as long as both have an environment: the work of one hides the latency
+/// of the other.
 template <class Run>
 void run_out(Run& a, Run& b) {
   bool a_is_busy = a.refill();

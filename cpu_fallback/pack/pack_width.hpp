@@ -2,7 +2,7 @@
 
 #include "core/base/pack.hpp"
 
-/// How many environments, or rows, go through the lanes of a vector. Differs from one instruction set to the next.
+/// Environments, or rows, in the lanes of a vector. Differs from one instruction set to the next.
 namespace stiction::inline STICTION_ISA {
 
 // Without an instruction for fma every lane calls the library, and a pack would only add code: one environment, or one

@@ -6,7 +6,7 @@
 #include "cpu_fallback/pack/pack_width.hpp"
 
 /// Instances shared by all packs of environments. Compiled once per instruction set, in kernels/shared_instances.cpp,
-/// as what environments one by one have in common is. `kind` is `extern` everywhere else.
+/// as the common parts of single environments. `kind` is `extern` everywhere else.
 #define STICTION_SHARED_LANES_OF_LAW(kind, Real, kLaw)                                                                 \
   kind template void record_iterate<false, kLaw>(SerialTeam&, PackSystem<Real>&, Mask<Pack<Real, kPackWidth<Real>>>);  \
   kind template void evaluate_lanes<kLaw>(const PackSystem<Real>&, const PackRoom<Real>&, const EnvView<Real>* const*, \

@@ -47,7 +47,7 @@ Offset work_of(const ConeCounts& counts) {
   return rows * rows + 30 * Offset{cone_count(counts)};
 }
 Offset work_of(const PackShape& shape) {
-  // A visit of a contact against what sweeps and looks at the residual do for each body.
+  // Cost of a contact's visit against that of each body in sweeps and residuals.
   return 8 * Offset{shape.contacts} + Offset{shape.bodies};
 }
 

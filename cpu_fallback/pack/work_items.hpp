@@ -9,8 +9,8 @@
 
 namespace stiction::cpu {
 
-/// A piece of work for one thread. A pack has slots for what environments are made of: cones (ConeCounts), or contacts
-/// and bodies (PackShape).
+/// A piece of work for one thread. A pack has slots for the parts of environments: cones (ConeCounts), or contacts and
+/// bodies (PackShape).
 template <class Shape>
 struct WorkItem {
   std::vector<Offset> envs;

@@ -10,7 +10,7 @@ class ThreadTeam;
 /// Newton's method in body space, the same way.
 template <class Real>
 struct NewtonBodyKernels {
-  /// Scratch one environment needs, in numbers of double besides what sequential impulses need.
+  /// Scratch of one environment, in numbers of double besides those of sequential impulses.
   Offset (*doubles)(const BodyJob<Real>& job, Offset env);
   void (*solve_alone)(const BodyJob<Real>& job, Offset env, Real* scratch, double* exact);
   /// Solves on every thread of a team, which shares the scratch.

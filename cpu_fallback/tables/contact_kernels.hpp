@@ -29,7 +29,7 @@ struct PackKernels {
                 Real* scratch) = nullptr;
 };
 
-/// One solver. Instruction sets replace `packs` whole: what belongs together is never assigned field by field.
+/// One solver. Instruction sets replace `packs` whole: fields that belong together are never assigned one by one.
 struct KernelSet {
   ByPrecision<SingleKernels> single;
   ByPrecisionAndLaw<PackKernels> packs;

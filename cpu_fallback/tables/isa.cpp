@@ -56,7 +56,7 @@ bool has_avx512() {
          __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
 }
 
-/// Sweeps in packs are what wider vectors make faster; all else is that of AVX2.
+/// Wider vectors make sweeps in packs faster; all else is that of AVX2.
 KernelSet avx512_kernels(SolverKind solver) {
   return with_packs_of(isa_avx512::solver_kernels(solver), isa_avx2::solver_kernels(solver));
 }

@@ -32,7 +32,7 @@ class GrowBuffer {
  private:
   static constexpr std::size_t kAlignment = 64;
 #ifdef STICTION_NOISY_SCRATCH
-  /// Numbers that are others every time: what is read before it is written shows as different bits of equal solves.
+  /// Numbers that differ every time: memory read before it is written shows as different bits of equal solves.
   void make_noise(std::size_t bytes) {
     static std::atomic<std::uint64_t> state{1};
     auto* const memory = static_cast<unsigned char*>(memory_.get());

@@ -6,7 +6,7 @@
 
 namespace stiction::cpu {
 
-/// Memory of one worker: what is known of a pack, its numbers, and the order that environments are taken in.
+/// Memory of one worker: facts about a pack, its numbers, and the order that environments are taken in.
 struct VelocityScratch {
   GrowBuffer lists;
   Scratch numbers;

@@ -50,8 +50,8 @@ class Call {
   std::exception_ptr failure_;
 };
 
-/// Threads that sleep between calls. A call never waits for a helper to come: its own thread does what is not taken.
-/// Calls from several threads, and from within items, hence proceed with however many helpers are free.
+/// Threads that sleep between calls. A call never waits for a helper to come: its own thread does the rest. Calls from
+/// several threads, and from within items, hence proceed with however many helpers are free.
 class Pool {
  public:
   Pool() = default;

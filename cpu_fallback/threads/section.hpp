@@ -20,8 +20,8 @@ class Section {
   Section(const Section&) = delete;
   Section& operator=(const Section&) = delete;
 
-  /// Adds work of one thread that began at `start` and ends now, less what of it was waiting. A thread of its own place
-  /// calls it; different places do not meet.
+  /// Adds work of one thread that began at `start` and ends now, less its waits. A thread of its own place calls it;
+  /// different places do not meet.
   void worked(int place, Clock::time_point start, Clock::duration waited = {});
 
  private:

@@ -13,8 +13,8 @@ int thread_count(int requested);
 using ItemWork = std::function<void(int item, int worker)>;
 
 /// Runs work(item, worker) for every item in [0, items) on at most `threads` threads, the caller's among them. Each
-/// takes the next item when it is free. Items are independent and an environment never crosses threads, so which thread
-/// takes what reaches no result. Every thread has the algorithms' floating-point environment. The first exception is
+/// takes the next item when it is free. Items are independent and an environment never crosses threads, so the choice
+/// of threads reaches no result. Every thread has the algorithms' floating-point environment. The first exception is
 /// rethrown when all stopped.
 void parallel_for(int threads, int items, const ItemWork& work);
 

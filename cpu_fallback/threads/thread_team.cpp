@@ -15,8 +15,8 @@ namespace stiction::cpu {
 
 namespace {
 
-/// How often a waiter looks at the phase before it yields, which takes some hundred microseconds. On a busy machine a
-/// yield costs whole turns of all others, at every barrier.
+/// Looks of a waiter at the phase before it yields, which takes some hundred microseconds. On a busy machine a yield
+/// costs whole turns of all others, at every barrier.
 constexpr int kSpins = 4000;
 
 using Clock = Section::Clock;
@@ -81,7 +81,7 @@ void ThreadTeam::open_deal(Index rank) {
 
 Offset ThreadTeam::take(Index rank, Offset count, Offset window) {
   const Offset item = next_.fetch_add(1, std::memory_order_relaxed);
-  // A thread that sees this one go on sees what it wrote in its last item.
+  // A thread that sees this one go on sees its writes in its last item.
   places_[rank].item.store(item, std::memory_order_release);
   const auto has_gone_on = [&](Index other) {
     return places_[other].item.load(std::memory_order_acquire) > item - window;

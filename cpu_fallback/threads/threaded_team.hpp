@@ -33,8 +33,8 @@ class ThreadedTeam {
     sync();
     return get<T>(0);
   }
-  /// f(k) for k = 0 ... count - 1 in order, each by the next free thread. Item k begins after all up to k - window have
-  /// ended, and sees what they wrote. It begins and ends in a sync.
+  /// f(k) for k = 0 ... count - 1 in order, each by the next free thread. Item k begins after all up to k - window
+  /// have ended, and sees their writes. It begins and ends in a sync.
   template <class F>
   void deal(Offset count, Offset window, F&& f) {
     team_->open_deal(rank_);

@@ -25,7 +25,7 @@ struct DeviceFacts {
   std::size_t shared_bytes = 0;           ///< most shared memory a block may ask for
   std::size_t resident_shared_bytes = 0;  ///< shared memory of one multiprocessor
   std::size_t memory_bytes = 0;           ///< of the device; 0: not known
-  bool is_whole = true;  ///< no other process has a part of it: launches of the whole device are what they say
+  bool is_whole = true;                   ///< no other process has a part of it: launches of the whole device are real
 };
 
 /// Events order work; those that also tell the time cost the device a little more.
@@ -73,7 +73,7 @@ class DeviceApi {
   virtual void launch(const KernelRef& kernel, const LaunchShape& shape, const void* arguments,
                       StreamHandle stream) = 0;
   virtual void record(EventHandle event, StreamHandle stream) = 0;
-  /// `stream` goes on once what was last recorded in `event` is done.
+  /// `stream` goes on once the work last recorded in `event` is done.
   virtual void wait(StreamHandle stream, EventHandle event) = 0;
 
   /// Calls `body`, which queues work on the stream that it is given. If `stream` is being captured, that is `inner`.
@@ -86,7 +86,7 @@ class DeviceApi {
   virtual bool capturing(StreamHandle stream) = 0;
   /// Returns when all work on the stream is done. \throws the error of that work, if it failed.
   virtual void synchronize(StreamHandle stream) = 0;
-  /// Returns when what was last recorded in the event is done.
+  /// Returns when the work last recorded in the event is done.
   virtual void await(EventHandle event) = 0;
 
   /// Time from one timing event to another, as last recorded; nothing while either is not done.

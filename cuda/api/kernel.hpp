@@ -36,9 +36,9 @@ inline LaunchShape shape_on(const LaunchShape& shape, bool is_whole) {
   return own;
 }
 
-/// Fast memory that a team keeps for itself, beside what a launch gives it [bytes].
+/// Fast memory that a team keeps for itself, beside that of a launch [bytes].
 inline constexpr std::size_t kTeamBytes = 768;
-/// Bytes of fast memory in the alignment of what lies in it.
+/// Bytes of fast memory in the alignment of its contents.
 inline constexpr std::size_t in_shared(std::size_t bytes) {
   return (bytes + 15) / 16 * 16;
 }

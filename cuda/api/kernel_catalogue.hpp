@@ -21,7 +21,7 @@ struct SolveKernels {
 /// A solver's kernels by precision (Precision) and law (Law).
 struct SolverKernels {
   SolveKernels by_precision_and_law[2][2];
-  Workspace workspace;  ///< what the method keeps beside the system
+  Workspace workspace;  ///< memory of the method beside the system
 };
 
 /// The scheduler's kernels; they read integers only.
@@ -57,7 +57,7 @@ struct NewtonBodyKernels {
 
 /// The Jacobian form, in one precision (kernels/jacobian_program.hpp).
 struct JacobianKernels {
-  KernelRef count;  ///< what each environment takes
+  KernelRef count;  ///< memory of each environment
   KernelRef place;  ///< where each begins
   KernelRef write;  ///< rows, A or Y, and b
   KernelRef move;   ///< velocities
@@ -73,8 +73,8 @@ struct VelocityStepKernels {
 /// Newton's method in velocities, in one precision, before the Jacobian form's `place`.
 struct VelocityKernels {
   VelocityStepKernels steps;
-  VelocityStepKernels steps_in_double;  ///< before them, for what a single-precision batch asks of double; else none
-  KernelRef in_blocks;  ///< after them, what they leave, by teams  (kernels/velocity_blocks_program.hpp)
+  VelocityStepKernels steps_in_double;  ///< before them, for environments in single precision; else none
+  KernelRef in_blocks;  ///< after them, for their leftovers, by teams  (kernels/velocity_blocks_program.hpp)
 };
 
 struct DerivativePair {

@@ -37,7 +37,7 @@ class Memory {
     std::swap(bytes_, other.bytes_);
     return *this;
   }
-  /// Has room for that many bytes, what was in them lost; what grows again gets an eighth more, to grow less often.
+  /// Has room for that many bytes, earlier contents lost; growing memory gets an eighth more, to grow less often.
   void make_room(DeviceApi& api, std::size_t bytes) {
     if (data_ != nullptr && bytes_ >= bytes) return;
     const std::size_t spare = bytes_ > 0 ? bytes / 8 : 0;
@@ -55,7 +55,7 @@ class Memory {
 using DeviceMemory = Memory<false>;
 using PinnedMemory = Memory<true>;
 
-/// Several arrays in one block of memory: say what is wanted, ask for bytes(), and place() sets each pointer.
+/// Several arrays in one block of memory: add each, ask for bytes(), and place() sets each pointer.
 class ArraySet {
  public:
   template <class T>

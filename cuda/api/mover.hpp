@@ -30,7 +30,7 @@ class Mover {
   StreamHandle stream_;
 };
 
-/// Queues work by f(). If that fails half way, what is queued is waited for: it uses memory the caller is about to give
+/// Queues work by f(). If that fails half way, queued work is waited for: it uses memory the caller is about to give
 /// back.
 template <class F>
 void queue_all(DeviceApi& api, StreamHandle stream, F&& f) {

@@ -8,7 +8,7 @@
 
 namespace stiction::cuda {
 
-/// How the emulated device runs one launch.
+/// Runs one launch on the emulated device.
 struct EmulatedLaunch {
   LaunchShape shape;          ///< as it was queued
   Offset teams;               ///< that run, one after the other
@@ -34,7 +34,7 @@ void run_on_threads(int count, const F& f) {
 }
 
 /// Lanes are threads that live through the whole launch and meet at each team's barriers, a grid's all at one. Fast
-/// memory is filled with what no program may rely on; a grid has none, as on a GPU.
+/// memory is filled with bytes that no program may rely on; a grid has none, as on a GPU.
 template <class Program>
 void run_program_on_host(const EmulatedLaunch& launch, const void* arguments) {
   typename Program::Args args;

@@ -52,8 +52,8 @@ struct EmulatedGridMemory {
   alignas(16) std::byte leaves[kReduceLeaves * sizeof(double)] = {};
 };
 
-/// A team of the emulated device: threads that meet at a barrier and at nothing else. It offers what a Team promises
-/// and no more, one barrier an exchange as CudaTeam does. A program with a missing sync hence races here too.
+/// A team of the emulated device: threads that meet at a barrier and at nothing else. It offers a Team's promises and
+/// no more, one barrier an exchange as CudaTeam does. A program with a missing sync hence races here too.
 class EmulatedTeam {
  public:
   static constexpr Index kRowTile = 4;

@@ -46,7 +46,7 @@ struct SolveBodyBundles {
   }
 
  private:
-  /// f(block, environment, system, params, progress) for what a slot holds.
+  /// f(block, environment, system, params, progress) for a slot's environment.
   template <class F>
   static STICTION_HD bool on_slot(const Args& args, const SiParams& params, Head& head, Index index, F&& f) {
     SerialTeam team;

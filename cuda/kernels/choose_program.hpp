@@ -20,8 +20,8 @@ struct ChooseArgs {
 
 namespace stiction::inline STICTION_ISA {
 
-/// Before the first stage of the fallback chain: what every environment is like, and which turn it begins with. One
-/// that the first stage does not solve goes to the trivial class, which no stage launches.
+/// Before the first stage of the fallback chain: features of every environment, and the turn it begins with. One that
+/// the first stage does not solve goes to the trivial class, which no stage launches.
 template <class Real>
 struct ChooseEnvironments {
   using Args = cuda::ChooseArgs<Real>;

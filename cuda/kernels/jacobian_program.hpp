@@ -25,8 +25,8 @@ STICTION_HD Real* scratch_of(const cuda::JacobianArgs<Real>& args, const cuda::T
   return args.scratch != nullptr ? args.scratch + id.index * args.slot : static_cast<Real*>(id.shared);
 }
 
-/// Counts what each environment takes; a team takes one at a time. After Newton's method in velocities it finds out if
-/// that has left any; a lane takes one at a time.
+/// Counts the memory of each environment; a team takes one at a time. After Newton's method in velocities it finds out
+/// if that has left any; a lane takes one at a time.
 template <class Real>
 struct CountJacobians {
   using Args = cuda::JacobianArgs<Real>;

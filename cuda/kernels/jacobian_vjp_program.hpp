@@ -19,7 +19,7 @@ struct JacobianVjpArgs : LaneRoom {
 
 namespace stiction::inline STICTION_ISA {
 
-/// One lane per environment, before teams take what is left (derivative_program.hpp).
+/// One lane per environment, before teams take the rest (derivative_program.hpp).
 template <class Real>
 struct VjpLanesProgram {
   using Args = cuda::JacobianVjpArgs<Real>;

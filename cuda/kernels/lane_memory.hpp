@@ -19,8 +19,8 @@ struct LaneRoom {
   Index tree_entries;
 };
 
-/// Room for what Newton's method in velocities, and its derivative, take of environments of so many rows and degrees of
-/// freedom, without its memory.
+/// Room for the integers of Newton's method in velocities, and its derivative, for environments of so many rows and
+/// degrees of freedom, without its memory.
 template <class Workspace>
 LaneRoom lay_out_lanes(Index env_rows, Index env_dofs) {
   constexpr auto kOffset = static_cast<Offset>(sizeof(Offset));

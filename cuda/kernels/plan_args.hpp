@@ -36,7 +36,7 @@ struct PlanArrays {
 
 /// Arrays that the fallback chain keeps of its environments from stage to stage (docs/math/auto.md).
 struct ChainArrays {
-  EnvFeatures* features;   ///< what the choice of their stages depends on                         (envs)
+  EnvFeatures* features;   ///< features for the choice of their stages                            (envs)
   std::uint8_t* assigned;  ///< the turn that each takes                                           (envs)
 };
 

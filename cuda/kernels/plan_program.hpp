@@ -84,8 +84,8 @@ struct SortEnvironments {
   }
 
  private:
-  /// Moves environments that fell short of a turn before to the next that is for them. Writes all keys: what this
-  /// turn does not solve is of the trivial class, which no turn launches. True if the turn has any, on every lane.
+  /// Moves environments that fell short of a turn before to the next that is for them. Writes all keys: environments
+  /// that this turn leaves are of the trivial class, which no turn launches. True if the turn has any, on every lane.
   template <Team TeamT>
   static STICTION_HD bool find_turn(TeamT& team, const Args& args) {
     std::uint32_t found = 0;

@@ -12,7 +12,7 @@ template <class Real>
 struct TrivialArgs {
   SolveJob<Real> job;
   WorkQueue<Real> queue;
-  const std::uint32_t* flags;  ///< what planning found                                       (env_count)
+  const std::uint32_t* flags;  ///< flags of planning                                         (env_count)
   SolverKind solver;
 };
 

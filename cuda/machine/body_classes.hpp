@@ -7,10 +7,10 @@
 #include "cuda/api/device_api.hpp"
 #include "cuda/kernels/body_bundles.hpp"
 
-/// How a body environment is worked on by a device. It is decided by its counts alone, and reaches speed only.
+/// Classes of body environments on a device. It is decided by its counts alone, and reaches speed only.
 namespace stiction::cuda {
 
-/// Environments that take a lane each. How many bodies they may have follows from the bundles that the fast memory of a
+/// Environments that take a lane each. Their most bodies follow from the bundles that the fast memory of a
 /// multiprocessor is to hold at once. A lane waits for its own numbers, and nothing but other bundles fills that time.
 struct BundleRule {
   Index most_contacts;

@@ -175,7 +175,7 @@ void DeviceBodyMachine::run_from_host(const BodyRequest<Real>& request) {
   BodyRequest<Real> there = request;
   ArraySet arrays;
   BodyBatchView<Real> read = host;
-  // Not read by a kernel: the plan holds what they say.
+  // Not read by a kernel: the plan holds them.
   read.body_a = read.body_b = nullptr;
   there.batch.contact_id = nullptr;
   for_each_array(

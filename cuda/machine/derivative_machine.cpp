@@ -88,7 +88,7 @@ const KernelRef& DeviceDerivativeMachine::lanes_kernel(Precision precision) cons
   return api_->kernels().derivative[static_cast<int>(precision)].vjp_lanes;
 }
 
-/// Memory for as many doubles. Graphs that were captured keep what they have, so that it cannot move any more.
+/// Memory for as many doubles. Graphs that were captured keep their memory, so that it cannot move any more.
 void DeviceDerivativeMachine::make_room(DeviceMemory& memory, Offset doubles, StreamHandle stream) {
   const auto bytes = static_cast<std::size_t>(doubles) * sizeof(double);
   const bool capturing = api_->capturing(stream);
@@ -156,7 +156,7 @@ void DeviceDerivativeMachine::queue_jacobians(JacobianRoom<Real>& room, const Ke
   queue_job<Program>(kernel, job, stream);
 }
 
-/// Lanes pull back what they take; the job then says what they answered.
+/// Lanes pull their environments back; the job then has those they answered.
 template <class Real>
 void DeviceDerivativeMachine::queue_lanes(const JacobianRoom<Real>& room, JacobianVjpJob<Real>& job,
                                           StreamHandle stream) {

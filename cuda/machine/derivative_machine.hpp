@@ -37,8 +37,8 @@ struct JacobianRoom {
   DeviceMemory memory;
   Real* in = nullptr;            ///< from J and M to the contact batch
   Real* out = nullptr;           ///< and back
-  JacobianVjpLanes<Real> lanes;  ///< what lanes find
-  JacobianVjpArgs<Real> args{};  ///< and what they take
+  JacobianVjpLanes<Real> lanes;  ///< results of lanes
+  JacobianVjpArgs<Real> args{};  ///< and their arguments
   Offset teams = 0;              ///< of such lanes
 };
 

@@ -49,8 +49,8 @@ class Engine {
   Engine& operator=(const Engine&) = delete;
 
   /// Makes room, if there is not enough: for batches within `capacity`, solved by `solver`, in either precision or f32
-  /// alone. Waits for what is running. \throws Error(out_of_memory), or Error(invalid_argument) if the room there is
-  /// has been captured into graphs, which would be left without it. The room there was is then kept.
+  /// alone. Waits for running work. \throws Error(out_of_memory), or Error(invalid_argument) if the room there is has
+  /// been captured into graphs, which would be left without it. The room there was is then kept.
   void reserve(const Capacity& capacity, SolverKind solver, Precision precision);
   /// Returns true if a solve was captured: graphs then write the plan's arrays whenever they are launched.
   [[nodiscard]] bool captured() const noexcept { return captured_; }
@@ -63,7 +63,7 @@ class Engine {
   template <class Real>
   void solve(const SolveRequest<Real>& request, bool is_planned = false);
 
-  /// Times what this engine queues, and what is queued around it.
+  /// Times the work that this engine queues, and work queued around it.
   [[nodiscard]] StreamTimer& timer() noexcept { return timer_; }
 
   /// Finds the islands of a batch in device memory, of environments that there is room for.
@@ -75,7 +75,7 @@ class Engine {
  private:
   static constexpr int kBranches = 3;
 
-  /// How a class of environments is launched.
+  /// Launch of a class of environments.
   struct ClassShape {
     LaunchShape launch;
     Offset slot_elements[2] = {};  ///< numbers that an environment takes, by Precision
@@ -131,7 +131,7 @@ class Engine {
   DeviceMemory memory_;
   PlanArrays plan_;
   ChainArrays chain_{};                          ///< of the fallback chain
-  std::array<Shapes, kSolverKindCount> shapes_;  ///< of each solver there is room for: a stage takes what it needs
+  std::array<Shapes, kSolverKindCount> shapes_;  ///< of each solver there is room for: a stage takes its own
   LaunchShape sort_;                             ///< of the program that sorts environments into classes
   LaunchShape graph_;                            ///< of programs that look at whole graphs
   std::array<std::unique_ptr<Stream>, kBranches> branch_;

@@ -15,7 +15,7 @@
 #include "cuda/machine/memory_limits.hpp"
 #include "stiction/error.hpp"
 
-/// The engine's memory: what each size class, the plan and the fallback chain take for a capacity.
+/// The engine's memory: that of each size class, the plan and the fallback chain for a capacity.
 namespace stiction::cuda {
 
 namespace {
@@ -91,8 +91,8 @@ Offset Engine::slot_elements(SizeClass size_class, const Capacity& capacity, con
     for (const Index rows : {capacity.env_rows, smaller_of(capacity.env_rows, kDirectRows)})
       elements = larger_of<Offset>(elements, FactorSystem<Real>::elements(rows, rows, capacity.env_dofs, method));
   } else {
-    // A batch of few environments may come, too: then what a lane each would take is shared out over more. A later
-    // stage of the fallback chain has teams alone.
+    // A batch of few environments may come, too: then memory of single lanes is shared by more lanes. A later stage of
+    // the fallback chain has teams alone.
     const bool needs_many = size_class == SizeClass::thread_large;
     ClassLimits limits = limits_for(method, needs_many ? capacity.envs : 0);
     if (!is_thread_per_env(size_class)) limits = limits.from(kFinestTeam);

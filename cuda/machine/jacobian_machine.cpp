@@ -128,7 +128,7 @@ void DeviceJacobianMachine<Real>::prepare_newton() {
   if (block_shape_.teams > 0) api_->prepare(kernels.in_blocks, block_shape_);
 }
 
-/// Teams have memory of their own, up to what the device has. A lane's numbers are laid out for the largest
+/// Teams have memory of their own, within the device's. A lane's numbers are laid out for the largest
 /// environment.
 template <class Real>
 void DeviceJacobianMachine<Real>::reserve_newton(const JacobianCapacity& capacity) {

@@ -53,11 +53,11 @@ class DeviceJacobianMachine final : public JacobianMachine<Real> {
   Offset slot_ = 0;
   bool is_counted_ = false;     ///< solve_velocities() has counted the environments of this solve
   Offset* left_ = nullptr;      ///< not 0: it has not answered all; null: it is not called               (1)
-  std::optional<Stream> rest_;  ///< for what is done where it has left any
+  std::optional<Stream> rest_;  ///< for work done where it has left any
   VelocityRules rules_;
   LaunchShape small_, large_;             ///< of counting; of assembling and moving
   std::vector<LaunchShape> team_shapes_;  ///< of Newton's teams, the smallest fast memory first
-  LaunchShape lane_shape_, block_shape_;  ///< of what they leave; no teams: nothing
+  LaunchShape lane_shape_, block_shape_;  ///< of its leftovers; no teams: nothing
   bool has_large_ = false;                ///< some may have more than kMostVelocityDofs
   VelocityBlocksArgs<Real> blocks_{};
   VelocityArgs<Real> newton_{};  ///< memory of Newton's method in velocities, and how it is laid out

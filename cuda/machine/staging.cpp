@@ -212,7 +212,7 @@ void Staging::queue_pieces(const SolveRequest<Real>& request, const std::vector<
   }
   api_.synchronize(down_.get());
   timer.collect();
-  // Row by row in use: what lies between them is the caller's.
+  // Row by row in use: numbers between them are the caller's.
   for (Offset env = 0; env < batch.env_count; ++env) {
     const Offset row = batch.env_row_offsets[env];
     std::copy_n(host.view.lambda + row, batch.env_rows(env), request.solution.lambda + row);

@@ -20,8 +20,8 @@ class ProfilerRange {
   DeviceApi& api_;
 };
 
-/// Times what is queued on a device's streams, by an event before and one behind. Hands the spans to a tracer once they
-/// are done. Without a tracer nothing is queued and nothing made.
+/// Times the work queued on a device's streams, by an event before and one behind. Hands the spans to a tracer once
+/// they are done. Without a tracer nothing is queued and nothing made.
 class StreamTimer {
  public:
   explicit StreamTimer(DeviceApi& api) : api_(api) {}
@@ -42,7 +42,7 @@ class StreamTimer {
     timed->complete = true;
   }
 
-  /// Hands over what is done by now, without waiting. Times that a lost device does not tell are left out.
+  /// Hands over spans that are done by now, without waiting. Times that a lost device does not tell are left out.
   void collect() noexcept;
 
  private:
@@ -61,7 +61,7 @@ class StreamTimer {
   [[nodiscard]] bool export_spans(const Timed& timed);
 
   DeviceApi& api_;
-  Tracer* tracer_ = nullptr;  ///< null: what is queued is not timed
+  Tracer* tracer_ = nullptr;  ///< null: queued work is not timed
   Tracer* owner_ = nullptr;   ///< whose the pending spans are
   std::unique_ptr<Stream> stream_;
   std::unique_ptr<Event> zero_;

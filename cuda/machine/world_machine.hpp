@@ -8,7 +8,7 @@
 
 namespace stiction::cuda {
 
-/// A world in device memory. A step brings to the host what planning reads, the contacts of each environment as numbers
+/// A world in device memory. A step brings the plan's input to the host, the contacts of each environment as numbers
 /// of bodies. Everything else stays on the device until it is asked for.
 template <class Real>
 class DeviceWorldMachine final : public WorldMachine<Real> {
@@ -54,12 +54,12 @@ class DeviceWorldMachine final : public WorldMachine<Real> {
   bool limited_;         ///< planning reads depths, too
   bool pushed_ = false;  ///< wrenches may be written
   WorldArrays<Real> host_;
-  bool state_here_ = true, status_here_ = true, contacts_here_ = true;  ///< what of host_ is of the last step
+  bool state_here_ = true, status_here_ = true, contacts_here_ = true;  ///< parts of host_ that are of the last step
   WorldJob<Real> job_{};
   Real* inv_mass_ = nullptr;
   Offset* body_offsets_ = nullptr;
   WorldMotion* motion_ = nullptr;
-  DeviceMemory bodies_;     ///< what is there once per environment, and the model
+  DeviceMemory bodies_;     ///< arrays of one element per environment, and the model
   DeviceMemory workspace_;  ///< scratch of all teams that find contacts
   Offset workspace_bytes_ = 0;
   Offset near_room_ = 0;    ///< near pairs of an environment that a workspace has room for

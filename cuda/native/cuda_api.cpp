@@ -42,8 +42,8 @@ cudaMemcpyKind kind_of(CopyKind kind) {
 /// blocks that the other keeps from running.
 class WholeDeviceTurn {
  public:
-  /// Waits for the turn before on `stream`, unless that is being captured: a graph's launches are ordered by who
-  /// launches it.
+  /// Waits for the turn before on `stream`, unless that is being captured: a graph's launches are ordered by their
+  /// caller.
   WholeDeviceTurn(int ordinal, cudaStream_t stream, bool takes_part)
       : lock_(mutex()), stream_(stream), takes_part_(takes_part) {
     if (!takes_part_) return;

@@ -19,7 +19,7 @@ __global__ void set_condition(cudaGraphConditionalHandle handle, const Offset* v
 /// The work that is captured on a stream so far.
 struct Capture {
   cudaGraph_t graph = nullptr;
-  const cudaGraphNode_t* last = nullptr;  ///< what comes next depends on
+  const cudaGraphNode_t* last = nullptr;  ///< dependency of the next node
   const cudaGraphEdgeData* edges = nullptr;
   std::size_t count = 0;
 
@@ -29,7 +29,7 @@ struct Capture {
   }
 };
 
-/// Adds a condition to what is captured on `stream`. Returns the graph that it is for.
+/// Adds a condition to the graph captured on `stream`. Returns the graph that it is for.
 cudaGraph_t add_condition(const Offset* condition, cudaStream_t stream) {
   cudaGraphConditionalHandle handle{};
   STICTION_CUDA_TRY(cudaGraphConditionalHandleCreate(&handle, Capture(stream).graph, 1, cudaGraphCondAssignDefault));
@@ -48,10 +48,10 @@ cudaGraph_t add_condition(const Offset* condition, cudaStream_t stream) {
   return node.conditional.phGraph_out[0];
 }
 
-/// Owner of what a trial takes.
+/// Owner of a trial's objects.
 struct Trial {
   cudaStream_t stream = nullptr, inner = nullptr;
-  Offset* numbers = nullptr;  ///< the condition, and what is written behind it
+  Offset* numbers = nullptr;  ///< the condition, and the number written behind it
   cudaGraph_t graph = nullptr;
   cudaGraphExec_t ready = nullptr;
 

@@ -6,7 +6,7 @@
 
 namespace stiction::cuda {
 
-/// Makes a device current for a scope and puts back what was.
+/// Makes a device current for a scope and restores the former one.
 class DeviceGuard {
  public:
   explicit DeviceGuard(int ordinal);
@@ -18,7 +18,7 @@ class DeviceGuard {
   int before_ = 0;
 };
 
-/// How many devices there are; with none, `reason` is a sentence that says why. Never throws.
+/// Returns the number of devices; with none, `reason` is a sentence that says why. Never throws.
 int device_count(std::string& reason);
 
 /// Why this build cannot use device `ordinal` of `count`, or nothing. Never throws.

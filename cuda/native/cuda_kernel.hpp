@@ -14,11 +14,11 @@ struct CudaKernel {
 /// Beside a program's own arguments. Lanes and teams of a block are its dimensions.
 struct CudaShape {
   long long teams;        ///< that have something to do
-  unsigned shared_bytes;  ///< of a team, beside what the team itself keeps
+  unsigned shared_bytes;  ///< of a team, beside the team's own
   void* grid_memory;      ///< CudaGridMemory if the whole grid is one team, else null
 };
 
-/// Bytes of what a grid that is one team keeps in global memory.
+/// Bytes of global memory of a grid that is one team.
 inline constexpr std::size_t kGridBytes = 262912;
 
 }  // namespace stiction::cuda

@@ -16,7 +16,7 @@ namespace stiction {
 
 namespace {
 
-/// \throws Error(no_device) with the reason, and with what can be done without one.
+/// \throws Error(no_device) with the reason, and the alternatives.
 std::shared_ptr<cuda::CudaApi> open_device(int ordinal, const char* without) {
   std::string reason;
   const int count = cuda::device_count(reason);

@@ -4,8 +4,8 @@
 #include "cuda/api/device_api.hpp"
 #include "cuda/native/cuda_kernel.hpp"
 
-/// How many threads and how much fast memory the blocks of a launch have. Apart from CudaApi, because what executes the
-/// generated code on the CPU launches it in these shapes.
+/// Threads and fast memory of a launch's blocks. Apart from CudaApi, because the executor of generated code on the CPU
+/// launches it in these shapes.
 namespace stiction::cuda {
 
 /// A launch in CUDA's terms, but for how many blocks there are.

@@ -82,8 +82,8 @@ void DomainSpace::start(const BodyEnv<Real>& env, const Real* impulse, NewtonSeq
     for (Index k = 0; k < 3; ++k)
       workspace_.contact[p].prox_center[k] = static_cast<double>(impulse[3 * Offset{env.contact_order[p]} + k]);
   for (const Index body : reach_.seen) start_body(workspace_, body);
-  // Enough compliance takes the proximal term's place from the first step on. With a weight
-  // that falls each problem finds anew what opens: up to twice the steps (docs/math/domain_newton.md).
+  // Enough compliance takes the proximal term's place from the first step on. With a weight that falls each problem
+  // finds opening contacts anew: up to twice the steps (docs/math/domain_newton.md).
   sequence.start(sequence.least_weight > 0.0 ? kProxWeightStart : 0.0);
   set_weight(sequence.prox_weight);
   for_contacts([&](SpaceContact& contact) { start_contact(workspace_, contact, compliance_); });

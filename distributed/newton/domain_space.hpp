@@ -9,9 +9,9 @@
 
 namespace stiction::distributed {
 
-/// One rank's part of Newton's method on one environment: what newton_bodies.hpp does with all contacts, with the
-/// contacts and bodies of the rank's reach (docs/math/domain_newton.md). All ranks call the same functions, and get
-/// the same answers.
+/// One rank's part of Newton's method on one environment: newton_bodies.hpp with the contacts and bodies of the
+/// rank's reach in place of all (docs/math/domain_newton.md). All ranks call the same functions, and get the same
+/// answers.
 class DomainSpace {
  public:
   /// `points`: where bodies are. Objects passed by reference outlive this.

@@ -10,8 +10,8 @@
 
 namespace stiction::distributed {
 
-/// Two-level additive Schwarz (Dryja and Widlund 1994; Toselli and Widlund 2005, chapter 3). It adds up what
-/// subdomains make of a residual, each by itself, and what rigid motions of aggregates make of it. It is symmetric and
+/// Two-level additive Schwarz (Dryja and Widlund 1994; Toselli and Widlund 2005, chapter 3). It adds up the
+/// subdomains' solutions of a residual, each by itself, and that of rigid motions of aggregates. It is symmetric and
 /// positive definite as H is (docs/math/domain_newton.md).
 class Schwarz {
  public:

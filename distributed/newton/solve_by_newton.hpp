@@ -21,8 +21,8 @@ struct NewtonCounts {
 /// Solves every environment of a host batch, which all ranks have. `part` says which subdomain each body is in
 /// (body_count), and `home` which rank each subdomain is of (domains.count), the same on all ranks. Bits follow `part`
 /// and neither `home` nor the number of ranks. `options.iterations` limits Newton steps, and status counts them.
-/// `options.space.ordering` is that of the factors. Rank 0 gets the solution, as of solve_over_ranks(). Status says
-/// what a BodySolver finds of the impulses that are returned.
+/// `options.space.ordering` is that of the factors. Rank 0 gets the solution, as of solve_over_ranks(). Status is a
+/// BodySolver's verdict on the impulses that are returned.
 ///
 /// \throws as solve_over_ranks, and Error(unsupported) for a method other than newton, for more than one sub-step and
 /// for boxed friction

@@ -9,7 +9,7 @@ namespace stiction::distributed {
 inline constexpr const char* kSlabs = "slabs";
 
 /// Solves scene granular-column by sequential impulses, each rank the slab that it makes itself. No rank has more, and
-/// so there is no solution file. Returns an exit status, and in `report` what the ranks did. \throws Error, RankLost
+/// so there is no solution file. Returns an exit status, and in `report` the ranks' work. \throws Error, RankLost
 template <class Real>
 int solve_column_slabs(Transport& transport, const SolveArguments& arguments, BodySolverOptions options,
                        JobReport& report);

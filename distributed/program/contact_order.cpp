@@ -27,7 +27,7 @@ bool comes_before(const EndedContact& a, const EndedContact& b) {
 }
 
 /// Returns the first keys of ranks 1, 2, ...: even steps through samples of all ranks (regular sampling: Shi and
-/// Schaeffer 1992). They decide who writes a contact, and reach no number.
+/// Schaeffer 1992). They decide which rank writes a contact, and reach no number.
 std::vector<Key> first_keys(Transport& transport, const std::vector<EndedContact>& sorted) {
   const auto ranks = static_cast<std::size_t>(transport.size());
   std::vector<Key> samples(ranks, kNone);

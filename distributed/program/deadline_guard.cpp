@@ -24,7 +24,7 @@ DeadlineGuard::~DeadlineGuard() {
 }
 
 void DeadlineGuard::watch(int rank, double seconds, const std::string& what) {
-  constexpr double kLongest = 1e9;  // what a clock can count
+  constexpr double kLongest = 1e9;  // limit of the clock
   std::unique_lock lock(mutex_);
   if (ended_.wait_for(lock, std::chrono::duration<double>(std::min(seconds, kLongest)), [&] { return has_ended_; }))
     return;

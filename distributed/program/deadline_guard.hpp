@@ -7,11 +7,11 @@
 
 namespace stiction::distributed {
 
-/// Ends the job when what happens while it lives takes longer than a rank may wait for another. For calls of all ranks
-/// that know no deadline.
+/// Ends the job when the work of a scope takes longer than a rank may wait for another. For calls of all ranks that
+/// know no deadline.
 class DeadlineGuard {
  public:
-  /// `what`: what the ranks are doing.
+  /// `what`: the ranks' work, in words.
   DeadlineGuard(int rank, double seconds, std::string what);
   ~DeadlineGuard();
   DeadlineGuard(const DeadlineGuard&) = delete;

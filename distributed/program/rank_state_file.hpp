@@ -11,7 +11,7 @@
 namespace stiction::distributed {
 
 /// A file that all ranks write, each its own lines, with the bytes that one process would have written. It has to lie
-/// where all ranks see it; of standard output, rank 0's, rank 0 writes what the others send.
+/// where all ranks see it; of standard output, rank 0's, rank 0 writes the others' lines.
 class RankStateFile {
  public:
   /// Rank 0 makes the file. All ranks call it, and the rest. \throws Error(io)

@@ -18,7 +18,7 @@ namespace stiction::distributed {
 
 namespace {
 
-/// For what HDF5 itself writes: headers and attributes.
+/// For HDF5's own bytes: headers and attributes.
 constexpr std::uint64_t kHeaderBytes = std::uint64_t{1} << 16;
 
 /// Closes an identifier of HDF5 that no other rank waits for.

@@ -10,7 +10,7 @@
 
 namespace stiction::distributed {
 
-/// Adds numbers and integers to a hash of all that reaches the bits, or what is sent.
+/// Adds numbers and integers to a hash of all that reaches the bits, or is sent.
 class Digest {
  public:
   template <class T>
@@ -29,10 +29,10 @@ class Digest {
   std::uint64_t sum_ = 0xcbf29ce484222325ULL;
 };
 
-/// Adds what a solve by sequential impulses is told.
+/// Adds the arguments of a solve by sequential impulses.
 void add_options(Digest& digest, const TimeStepping& stepping, const BodySolverOptions& options);
 
-/// \throws Error(invalid_argument) unless all ranks have rank 0's digest. `what`: what they have to be given.
+/// \throws Error(invalid_argument) unless all ranks have rank 0's digest. `what`: the arguments they have to be given.
 void require_agreement(Transport& transport, std::uint64_t digest, const char* what);
 
 /// Returns the digest of a batch, its owners and how it is solved.

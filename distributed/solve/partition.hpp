@@ -7,7 +7,7 @@
 
 #include "stiction/bodies.hpp"
 
-/// Which rank owns which body. It reaches what is sent, and no bit.
+/// Which rank owns which body. It reaches messages, and no bit.
 namespace stiction::distributed {
 
 using Point = std::array<double, 3>;

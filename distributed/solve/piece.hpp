@@ -77,7 +77,7 @@ class Piece {
   mutable EnvStatus status_{};
 };
 
-/// How many numbers answer() of that rank has.
+/// Returns the size of answer() of that rank.
 std::size_t answer_size(const BodyPlanData& plan, Offset env, const Visitors& visitors, std::span<const int> owner,
                         int rank, bool with_w);
 /// Puts the answer of that rank where the batch's solution has it.

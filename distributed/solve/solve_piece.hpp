@@ -7,7 +7,7 @@
 namespace stiction::distributed {
 
 /// Runs sequential impulses on this rank's piece, a batch of one environment with its plan and its rounds, and adds
-/// what that took. `ghosts`: bodies of the piece that other ranks own.
+/// its times. `ghosts`: bodies of the piece that other ranks own.
 template <class Real>
 void solve_piece(Transport& transport, const BodyJob<Real>& piece, const Rounds& rounds, Offset ghosts,
                  RankReport& report);

@@ -17,8 +17,8 @@ struct Visit {
 };
 
 /// tell(round) for each round in which the ghost that rank `ghost` has of a body is sent. The other rank visits some
-/// of the body's contacts. Before it visits one, it has to be told what other contacts have done to the body since.
-/// `visits`: all of the body's, in order of colour.
+/// of the body's contacts. Before it visits one, it needs the changes of the body by other contacts since. `visits`:
+/// all of the body's, in order of colour.
 template <class F>
 void for_each_round(std::span<const Visit> visits, int ghost, Index colors, F&& tell) {
   bool is_stale = false;

@@ -181,7 +181,7 @@ void Region<Real>::use_plan(const BodyPlanView& plan) {
       free_twist_of(env, body, row6(change_, row), row6(free_, row));
     }
   }
-  // The first z is what forces alone lead to.
+  // The first z is the motion by forces alone.
   for_each_copy(
       [&](const Shared&, Index which, Index, Index row) { std::copy_n(row6(free_, row), 6, row6(z_, which)); });
 }

@@ -32,15 +32,15 @@ class Region {
   void set_penalty(double penalty, double factor);
   /// Pulls each copy to z - u, before a solve.
   void pull(double penalty);
-  /// Into told(): what copies ask for, after a solve.
+  /// Into told(): the copies' requests, after a solve.
   void ask(double relaxation);
-  /// Takes the mean of what all copies asked for, which has moved since they met before.
+  /// Takes the mean of all copies' requests, which has moved since they met before.
   void meet() { meet(nullptr); }
-  /// After rounds that did not wait: what has moved is what did since restore_asked(). Keeps told().
+  /// After rounds that did not wait: contacts have moved if they did since restore_asked(). Keeps told().
   void meet_again();
   /// Puts told() back as it was kept, with duals that are divided by `factor`. At first copies ask for z.
   void restore_asked(double factor);
-  /// Into told(): what each copy's contacts change its twist by.
+  /// Into told(): changes of each copy's twist by its contacts.
   void tell_changes();
   /// Judges the impulses here, once the changes by all others were told.
   [[nodiscard]] LargestResidual<double> judge();

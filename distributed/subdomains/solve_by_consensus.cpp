@@ -105,7 +105,7 @@ class ConsensusOfEnv {
   }
 
  private:
-  /// How each subdomain is swept: whatever a round's numbers are, it ends.
+  /// Solver of each subdomain: whatever a round's numbers are, it ends.
   [[nodiscard]] BodySolver local_solver(Index sweeps) const {
     BodySolverOptions local = with_iterations(options_, sweeps, 0);
     local.invalid = InvalidPolicy::isolate;
@@ -121,7 +121,7 @@ class ConsensusOfEnv {
     }
   }
 
-  /// Rounds as above, each from the newest letters. Once every rank has made some, all meet for what decides.
+  /// Rounds as above, each from the newest letters. Once every rank has made some, all meet to decide.
   void iterate_asynchronously() {
     RoundLetters letters(transport_, region_->rounds().front());
     while (!conclude(kConsensusRounds)) {
@@ -317,7 +317,7 @@ class ConsensusOfEnv {
   BodySolver judge_;
   TimeStepping stepping_;
   Index sweeps_a_round_;
-  double penalty_, factor_ = 1;  ///< what the penalty was last multiplied by
+  double penalty_, factor_ = 1;  ///< last factor of the penalty
   BodySolver local_;
   BodyPlan judge_plan_;
   std::optional<BodyPlan> plan_;

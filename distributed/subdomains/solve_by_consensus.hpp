@@ -14,8 +14,8 @@ struct ConsensusOptions {
   Index sweeps = 16;    ///< of sequential impulses in each subdomain between two exchanges, >= 1; doubled where they
                         ///< change no impulse
   double penalty = 32;  ///< the first, in units of a body's mass, > 0; balanced from there [-]
-  /// No rank waits for another one's round: each goes on with what has come (docs/math/consensus.md). The answer is
-  /// one of the same problem, judged in the same way, but no longer the same bits each time. Convex law alone.
+  /// No rank waits for another one's round: each goes on with its letters (docs/math/consensus.md). The answer is one
+  /// of the same problem, judged in the same way, but no longer the same bits each time. Convex law alone.
   bool asynchronous = false;
   /// Called on each rank after the sweeps of each of its rounds. For measurements.
   std::function<void()> after_sweeps = {};
@@ -25,7 +25,7 @@ struct ConsensusOptions {
 /// same on all ranks (body_count). A subdomain is swept as BodySolver sweeps an environment. `options.iterations`
 /// limits sweeps, of which whole rounds of `sweeps` are made, and status counts them. Each rank solves some of the
 /// subdomains; answers have the same bits for any number of ranks. Rank 0 gets the solution, as of solve_over_ranks().
-/// Status says what a BodySolver finds of the impulses that are returned.
+/// Status is a BodySolver's verdict on the impulses that are returned.
 ///
 /// With the convex law the iteration is that of a convex problem, solved inexactly in each subdomain. With Coulomb's
 /// law or boxed friction a point where it rests is a solution, and that it comes to rest is not proven.

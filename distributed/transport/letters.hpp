@@ -41,7 +41,7 @@ class Letter {
   std::size_t read_ = 0;
 };
 
-/// A letter to every rank, empty where nothing is sent, and what every rank sends to this one. All ranks call it. Each
+/// A letter to every rank, empty where nothing is sent, and every rank's letter to this one. All ranks call it. Each
 /// sends and gets messages of those alone that have something to say. \throws RankLost
 std::vector<Letter> exchange_with_all(Transport& transport, const std::vector<Letter>& out);
 

@@ -60,7 +60,7 @@ class Post {
     open_first(sent, to, in);
   }
 
-  /// The first letter, if it is there by the clock of who takes it.
+  /// The first letter, if it is there by the taker's clock.
   bool take(int to, const Incoming& in, Deadline until) {
     std::unique_lock lock(mutex_);
     Box& sent = box(Kind::letter, in.from, to);

@@ -45,7 +45,7 @@ class Transport {
   [[nodiscard]] virtual int rank() const = 0;
   [[nodiscard]] virtual int size() const = 0;
 
-  /// Sends, and receives what it waits for. No rank sends to itself. \throws RankLost
+  /// Sends, and receives the letters it waits for. No rank sends to itself. \throws RankLost
   void exchange(std::span<const Outgoing> out, std::span<const Incoming> in);
   /// The bytes of every rank, one after the other; all ranks give as many. \throws RankLost
   void all_gather(std::span<const std::byte> mine, std::span<std::byte> all);

@@ -63,7 +63,7 @@ struct Impulses {
 /// By number.
 template <class Real>
 BodyList<Real> sorted(const BodyList<Real>& from);
-/// By id, each once. Two ranks know what a contact between them ended with, and know the same.
+/// By id, each once. Two ranks know the final impulse of a contact between them, and know the same.
 template <class Real>
 Impulses<Real> sorted(const Impulses<Real>& from);
 
@@ -86,7 +86,7 @@ class PartOfWorld {
   WorldArrays<Real> arrays_;
 };
 
-/// f(numbers in a row, the array of each), over what BodyNumbers and WorldArrays both name.
+/// f(numbers in a row, the array of each), over the fields that BodyNumbers and WorldArrays share.
 template <class F, class... Each>
 void for_each_number(F&& f, Each&... each) {
   f(std::size_t{3}, each.position...);

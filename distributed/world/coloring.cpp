@@ -50,7 +50,7 @@ class ColorSet {
   std::vector<std::uint64_t> words_;
 };
 
-/// The vertices that this rank shares with another, in the whole's order, and what was said of them.
+/// The vertices that this rank shares with another, in the whole's order, and their colours by others.
 struct Border {
   int rank = 0;
   std::vector<Index> vertices;

@@ -18,7 +18,7 @@ struct NearBodies {
 };
 
 /// The rank's own bodies and those of other ranks that may touch them within a step. Ranks tell one another the box of
-/// their bodies, and then send those whose box overlaps it. Finds what forces do to `own`. All ranks call it.
+/// their bodies, and then send those whose box overlaps it. Computes the changes of `own` by forces. All ranks call it.
 /// \throws RankLost
 template <class Real>
 NearBodies<Real> find_near_bodies(Transport& transport, const BodyList<Real>& own, PartOfWorld<Real>& part);
@@ -28,7 +28,7 @@ NearBodies<Real> find_near_bodies(Transport& transport, const BodyList<Real>& ow
 template <class Real>
 class StepPiece {
  public:
-  /// Finds them. `last`: what to start from. `keep`: the share of it that is handed on; 0: nothing is.
+  /// Finds them. `last`: start of the impulses. `keep`: the share of it that is handed on; 0: nothing is.
   StepPiece(const WorldModelView<Real>& whole, const NearBodies<Real>& near, int rank, const Impulses<Real>& last,
             Real keep);
 

@@ -7,7 +7,7 @@
 
 namespace stiction::distributed {
 
-/// How a rank solves its piece of an environment that no rank has as a whole.
+/// Plan of a rank's piece of an environment that no rank has as a whole.
 struct PiecePlan {
   BodyPlanData plan;
   Rounds rounds;

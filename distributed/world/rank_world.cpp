@@ -17,7 +17,7 @@ namespace stiction::distributed {
 namespace {
 
 /// Steps after which space may be cut anew, and the share of its bodies that a rank has to have too many then. They
-/// reach what is sent, and no bit.
+/// reach messages, and no bit.
 constexpr std::int64_t kCutEvery = 8;
 constexpr Offset kTooMany = 8;
 
@@ -81,7 +81,7 @@ RankWorld<Real>::RankWorld(Transport& transport, const WorldModelView<Real>& who
   require_impulses(options.solver);
   BodySolverOptions alone = options.solver;
   alone.threads = 1;
-  static_cast<void>(BodySolver(Device::cpu(), options.stepping, alone));  // refuses what is out of range
+  static_cast<void>(BodySolver(Device::cpu(), options.stepping, alone));  // refuses values out of range
   require_agreement(transport, digest_of(whole, options, random), "another scene, other options or other owners");
   take({}, {});
 }
@@ -139,7 +139,7 @@ ShapePair RankWorld<Real>::pair_of(std::uint64_t contact_id) const {
   return numbered_pair(whole_, static_cast<Offset>(contact_id / kFeatures));
 }
 
-/// Bodies that are in another rank's cell go there, with what their contacts ended with.
+/// Bodies that are in another rank's cell go there, with their contacts' final impulses.
 template <class Real>
 void RankWorld<Real>::share_out() {
   const auto ranks = static_cast<std::size_t>(transport_.size());

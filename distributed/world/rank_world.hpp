@@ -22,7 +22,7 @@ struct StepTraffic {
 
 /// One environment of a World over ranks, with its bits. A rank holds the bodies that it owns, and ghosts while a step
 /// lasts. It finds the contacts of its bodies, colours them together with the others, and moves its bodies
-/// (docs/howto/ranks.md). Calls are made by all ranks together; what throws RankLost is said there.
+/// (docs/howto/ranks.md). Calls are made by all ranks together; those that throw RankLost are documented there.
 template <class Real>
 class RankWorld {
  public:
@@ -33,8 +33,8 @@ class RankWorld {
 
   /// Bodies that this rank is to be given first: a share of their numbers.
   [[nodiscard]] BodyRange first_share() const;
-  /// Puts the bodies of first_share() where they are, in order, and says what contacts of theirs ended with. Then ranks
-  /// share them out anew. \throws RankLost; Error(invalid_argument) for an id without has_pair()
+  /// Puts the bodies of first_share() where they are, in order, and sets the final impulses of their contacts. Then
+  /// ranks share them out anew. \throws RankLost; Error(invalid_argument) for an id without has_pair()
   void put(BodyList<Real> bodies, Impulses<Real> last = {});
   /// A step. \throws RankLost; Error(out_of_memory) as World
   void step();

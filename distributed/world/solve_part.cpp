@@ -18,7 +18,7 @@ EnvStatus solve_part(Transport& transport, const BodyBatchView<Real>& part, cons
   require_impulses(options);
   BodySolverOptions alone = options;
   alone.threads = 1;
-  static_cast<void>(BodySolver(Device::cpu(), stepping, alone));  // refuses what is out of range
+  static_cast<void>(BodySolver(Device::cpu(), stepping, alone));  // refuses values out of range
   Digest digest;
   add_options(digest, stepping, options);
   require_agreement(transport, digest.sum(), "other options");

@@ -4,7 +4,7 @@
     pip install newton
     examples/python/09_newton.py [--worlds 16] [--slope 0.5] [--law coulomb]
 
-Prints how far each box has slid in a second, what the formula says, and how the last solve of each world ended.
+Prints how far each box has slid in a second, the formula's distance, and the outcome of the last solve of each world.
 """
 
 import argparse

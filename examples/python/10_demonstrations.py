@@ -8,7 +8,7 @@ slide: a cube with 6 m/s along the ground; the convex law lifts it, Coulomb's do
 grip: two pads hold a capsule far below the friction limit; with regularised friction it creeps, here it sticks.
 permutation: environment i replayed as environment j gives the same bits.
 nan: one NaN among 4096 simulations harms no other one, is named, and that one is held at its last good state.
---pictures writes demo_slide.png and demo_grip.png. docs/explanation/demonstrations.md has what this prints.
+--pictures writes demo_slide.png and demo_grip.png. docs/explanation/demonstrations.md has its output.
 """
 
 import argparse

@@ -21,7 +21,7 @@ except ImportError:
 
 MU, GRAVITY, STEP = 0.5, 9.81, 0.005
 HALF = (0.2, 0.2, 0.02)  # of the box's edges [m]
-# Name, pull along the floor in shares of the weight, its angle from the x axis, first velocity [m/s], steps, what is told.
+# Name, pull along the floor in shares of the weight, its angle from the x axis, first velocity [m/s], steps, lesson.
 SCENES = [("pulled along an axis", 0.6, 0.0, (0.0, 0.0), 40, "speed"),
           ("pulled between the axes", 0.6, math.pi / 4, (0.0, 0.0), 40, "speed"),
           ("slides until it stands", 0.0, 0.0, (1.5, 0.6), 100, "place")]

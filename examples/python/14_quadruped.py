@@ -155,7 +155,7 @@ class Curve(BaseCallback):
 
 
 def walk_by_mj_step(policy, seconds=10):
-    """How far the policy walks with MuJoCo's own steps in that time [m], and how long it stays up [s]."""
+    """Distance that the policy walks with MuJoCo's own steps in that time [m], and how long it stays up [s]."""
     model = flat_model()
     task, data, action = Task(model), mujoco.MjData(model), np.zeros((1, model.nu))
     data.qpos[:] = task.stand

@@ -1,4 +1,4 @@
-"""PPO of Stable-Baselines3 over environments with stiction's contacts: what the training examples share."""
+"""PPO of Stable-Baselines3 over environments with stiction's contacts: common to the training examples."""
 
 import csv
 import sys

@@ -18,7 +18,7 @@ class Array {
   [[nodiscard]] nanobind::tuple shape() const;
   [[nodiscard]] nanobind::tuple strides() const;  ///< [elements]
   [[nodiscard]] std::string dtype() const;        ///< "float64", "uint8", "bool", ...
-  [[nodiscard]] std::string device() const;       ///< "cpu", "cuda:0", or the DLPack number of what is neither
+  [[nodiscard]] std::string device() const;       ///< "cpu", "cuda:0", or the DLPack number of another kind
   [[nodiscard]] bool writable() const noexcept { return writable_; }
   [[nodiscard]] bool contiguous() const noexcept;
   [[nodiscard]] std::int64_t size() const noexcept { return static_cast<std::int64_t>(memory_.size()); }

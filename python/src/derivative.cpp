@@ -26,8 +26,8 @@ class FormDerivative {
     derivative_ = std::make_shared<Derivative>(device_, options_, room_);
   }
 
-  /// f(derivative), with one that has room for the batch: for what is given, or what it needs itself where its
-  /// structure can be read here.
+  /// f(derivative), with one that has room for the batch: for the given room, or its own need where its structure can
+  /// be read here.
   template <class Batch, class Room, class F>
   void call(const Batch& batch, const std::optional<Room>& room, const F& f) {
     captured_.call(of(batch, room), f);
@@ -80,7 +80,7 @@ class FormDerivative {
 using ContactRoom = std::optional<Capacity>;
 using JacobianRoom = std::optional<JacobianCapacity>;
 
-/// Arrays by name; None and what is not there are null.
+/// Arrays by name; None and missing ones are null.
 const Array* find(const nb::dict& arrays, const char* name) {
   if (!arrays.contains(name) || nb::object(arrays[name]).is_none()) return nullptr;
   return nb::cast<const Array*>(arrays[name]);

@@ -22,7 +22,7 @@ nb::object kinds_as_numpy(const std::vector<ConeKind>& kinds, nb::handle owner) 
   return as_numpy(std::span(reinterpret_cast<const std::uint8_t*>(kinds.data()), kinds.size()), owner);
 }
 
-/// The batch of a file in the precision asked for, with what else the file holds.
+/// The batch of a file in the precision asked for, with the file's other contents.
 struct FileBatch {
   io::Recording recording;
   ContactBatch<float> narrow;  ///< filled where the numbers are wanted in f32
@@ -137,7 +137,7 @@ class FailureFile {
         },
         batch.view);
   }
-  /// J and M, and what is assembled of them: its matrix even where the solver kept a factor.
+  /// J and M, and the batch assembled of them: its matrix even where the solver kept a factor.
   Offset take(const FormSolver& solver, const JacobianView& batch, const Outputs& out, const Array* warm_start,
               bool of_bodies) {
     return std::visit(

@@ -39,7 +39,7 @@ nb::dict arrays_of(const JacobianBodies<Real>& bodies, nb::handle owner) {
   return to;
 }
 
-/// Writes into `to` what `turn` makes of `from`: three numbers a contact each.
+/// Writes turn(from) into `to`: three numbers a contact each.
 template <class Turn>
 void turn_into(const FoundBodies& self, const Array& from, const Array& to, const Turn& turn) {
   std::visit(

@@ -159,7 +159,7 @@ void MujocoChunk::place(Rowless rowless) {
   for (auto* row_array : {&to.target, &to.R, &to.mu, &to.lo, &to.hi, &to.lambda}) row_array->resize(rows);
   for (auto* dof_array : {&to.v_free, &to.start, &to.velocity})
     dof_array->resize(static_cast<std::size_t>(to.env_dof_offsets.back()));
-  // Masses have the places of their zeros in common: what was zero stays so.
+  // Masses have the places of their zeros in common: zeros stay so.
   if (!to.has_own_zeros) to.M.clear();
   to.M.resize(static_cast<std::size_t>(to.env_mass_offsets.back()));
   to.has_own_zeros = true;
@@ -312,7 +312,7 @@ void MujocoChunk::fill(std::size_t env) {
 }
 
 void MujocoChunk::gather(Rowless rowless) {
-  // The last rows are of use to those alone who start from reactions. Else one system's memory stays in the cache.
+  // The last rows are of use only to solves that start from reactions. Else one system's memory stays in the cache.
   if (!starts_from_accelerations()) std::swap(system_, previous_);
   place(rowless);
   each([this](std::size_t env) { fill(env); });

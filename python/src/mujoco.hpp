@@ -26,7 +26,7 @@ struct MujocoLayout {
   std::size_t contact_bytes, contact_dim, contact_friction, contact_geom;
   // the model
   Index nq, nv, nu;
-  std::size_t simulation_bytes;                 ///< of a simulation's arrays, what constraints add apart
+  std::size_t simulation_bytes;                 ///< of a simulation's arrays, constraints' numbers apart
   bool sparse;                                  ///< whether efc_J is CSR
   std::vector<Index> mass_rownnz, mass_colind;  ///< pattern of M's lower triangle and of qLD, by rows
   std::vector<std::int32_t> row_kind;           ///< by efc_type: a ConeKind, or kPyramid
@@ -72,7 +72,7 @@ struct MujocoStage {
 /// Treatment of simulations without rows in gather(), whose accelerations are those without constraints.
 enum class Rowless : bool {
   left_out,  ///< no number of theirs is read, and no solver is told of them
-  kept,      ///< they are gathered as others are: for who wants masses of all, or puts others into their places
+  kept,      ///< they are gathered as others are: for callers that want masses of all, or put others into their places
 };
 
 /// Simulations of one MuJoCo model whose constraints are solved in one batch, on one thread. Inactive simulations are
@@ -87,23 +87,23 @@ class MujocoChunk {
   void replace(std::size_t simulation, void* data);
   /// Which simulations the calls that follow concern  (one each).
   void activate(const std::uint8_t* active);
-  /// Takes every active simulation through these stages, one simulation after the other: what one stage has touched is
-  /// still in a cache at the next. \throws Error(unsupported) for an error of MuJoCo's, and for a kind of row that is
-  /// not known, naming it.
+  /// Takes every active simulation through these stages, one simulation after the other: memory touched by one stage
+  /// is still in a cache at the next. \throws Error(unsupported) for an error of MuJoCo's, and for a kind of row that
+  /// is not known, naming it.
   void run(const std::vector<MujocoStage>& stages);
-  /// Collects rows, cones and masses of what `count` has counted.
+  /// Collects rows, cones and masses of the simulations counted by `count`.
   void gather(Rowless rowless);
-  /// Solves what was gathered. The limits are as in JacobianBatchView, or null.
+  /// Solves the gathered simulations. The limits are as in JacobianBatchView, or null.
   void solve(JacobianSolver<double>& solver, const double* tolerance, const Index* max_iterations);
   /// Writes the controls of active simulations  (simulations x nu).
   void write_controls(const double* controls);
-  /// Puts these in the places of the masses that were gathered of active simulations, one behind the other in theirs.
-  /// Returns what follows them.
+  /// Puts these in the places of the masses gathered from active simulations, one after another in theirs. Returns the
+  /// address behind them.
   const double* set_masses(const double* masses);
-  /// Copies an array of every simulation, active or not, one behind the other. offset: of its pointer in mjData; width:
+  /// Copies an array of every simulation, active or not, one after another. offset: of its pointer in mjData; width:
   /// its numbers.
   void read(std::size_t offset, std::size_t width, double* to) const;
-  /// Drops what simulations that start over would start from.
+  /// Drops the warm start of simulations that start over.
   void reset_warm_start(std::size_t simulation);
   /// Returns the form of M that solves with these options read (docs/math/auto.md).
   static MassForm mass_form_of(const SolverOptions& options, Index nv);
@@ -123,7 +123,7 @@ class MujocoChunk {
   struct RungeKutta {
     double time;
     std::vector<double> qpos, qvel;              ///< state at the beginning
-    std::vector<double> velocity, acceleration;  ///< of the four stages, and what one goes on with  (5 x nv)
+    std::vector<double> velocity, acceleration;  ///< of the four stages, and the state of one  (5 x nv)
   };
 
   /// work(simulation) of every active one.

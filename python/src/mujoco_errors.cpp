@@ -20,7 +20,7 @@ constexpr int kError = 3;  ///< mjLOG_ERROR
 /// State of this thread, while it is in a function of MuJoCo's.
 struct Call {
   std::jmp_buf* back = nullptr;
-  MujocoHandler others = nullptr;  ///< takes what is no error
+  MujocoHandler others = nullptr;  ///< takes messages that are no error
   char subject[sizeof(Message::subject)] = {};
 };
 thread_local Call now;

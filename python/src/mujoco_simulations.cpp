@@ -52,7 +52,7 @@ MujocoSimulations::MujocoSimulations(MujocoLayout layout, MujocoFunctions functi
                            simulations_of_a_chunk(layout_.simulation_bytes));
   const std::size_t chunks = (data.size() + chunk_size_ - 1) / chunk_size_;
   SolverOptions own = options;
-  if (chunks > 1) own.threads = 1;  // chunks are what threads share
+  if (chunks > 1) own.threads = 1;  // threads share chunks
   for (std::size_t begin = 0; begin < data.size(); begin += chunk_size_) {
     const std::size_t end = std::min(begin + chunk_size_, data.size());
     std::vector<void*> part(data.begin() + static_cast<std::ptrdiff_t>(begin),

@@ -11,8 +11,8 @@
 
 namespace stiction::python {
 
-/// A solve of a step: what every simulation is taken through before and after it. `constraint`: MuJoCo's own solver in
-/// its place, or none.
+/// A solve of a step: the stages of every simulation before and after it. `constraint`: MuJoCo's own solver in its
+/// place, or none.
 struct MujocoSolve {
   std::vector<MujocoStage> before, after;
   MujocoFunction constraint = nullptr;
@@ -39,7 +39,7 @@ class MujocoSimulations {
 
   /// Takes `count` steps of these solves. Returns the wall-clock seconds before solves, in gathering, in solves and
   /// after them. Threads that work at one time share its seconds. between() is called between steps that all
-  /// simulations have taken, every few steps; what it throws ends the call.
+  /// simulations have taken, every few steps; its exceptions end the call.
   std::array<double, 4> step(const std::vector<MujocoSolve>& solves, int count, const std::function<void()>& between);
 
   /// The parts of a step, as MujocoChunk has them.

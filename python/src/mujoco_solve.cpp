@@ -1,4 +1,4 @@
-// The solve of a chunk of simulations, and what it starts from.
+// The solve of a chunk of simulations, and its start.
 
 #include "python/src/mujoco.hpp"
 

@@ -4,7 +4,7 @@ namespace stiction::python {
 
 namespace {
 
-/// Offsets behind others, which end with what they count.
+/// Offsets behind others, which end with the number of their items.
 void append_offsets(std::vector<Offset>& to, const std::vector<Offset>& from) {
   const Offset end = to.back();
   for (std::size_t i = 1; i < from.size(); ++i) to.push_back(end + from[i]);

@@ -7,10 +7,10 @@
 
 namespace stiction::python {
 
-/// Rows of some simulations as MuJoCo left them, one simulation behind the other: a Jacobian batch of accelerations and
+/// Rows of some simulations as MuJoCo left them, one simulation after another: a Jacobian batch of accelerations and
 /// forces, and its answer. Room only grows.
 ///
-/// Newton's method in velocities takes M, and degrees of freedom as MuJoCo has them, each after what it hangs on. For
+/// Newton's method in velocities takes M, and degrees of freedom as MuJoCo has them, each after its parent. For
 /// solvers of A they are in reversed order. MuJoCo has M = L' D L. Backwards that is the Cholesky factor (L' D^1/2
 /// read from its last row and column), which need not be computed again.
 struct MujocoSystem {

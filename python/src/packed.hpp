@@ -4,7 +4,7 @@
 
 namespace stiction::python {
 
-/// A packed copy in f64 of what is in use of a host batch.
+/// A packed copy in f64 of the part of a host batch in use.
 ContactBatch<double> packed(const ContactView& batch);
 /// The matrices of a host batch of Jacobians, packed likewise.
 ContactBatch<double> packed(const JacobianView& batch);

@@ -10,7 +10,7 @@ namespace stiction::python {
 /// lock, which other threads may hold for milliseconds; so it is asked for ten times a second.
 class SignalCheck {
  public:
-  /// Called without the lock. \throws nanobind::python_error with what a handler raised.
+  /// Called without the lock. \throws nanobind::python_error with a handler's exception.
   void look() {
     const Clock::time_point now = Clock::now();
     if (now < next_) return;

@@ -14,7 +14,7 @@ namespace stiction::python {
 
 namespace {
 
-/// Rules by name, of types that the package has seen to; what is not there is the default.
+/// Rules by name, of types that the package has checked; missing ones have the default.
 SpectrumRules rules_from(const nb::dict& given) {
   SpectrumRules rules;
   const auto take = [&]<class T>(const char* name, T& to) {

@@ -30,7 +30,7 @@ struct Start {
   const Array* velocities = nullptr;
 };
 
-/// How bodies are stepped and solved.
+/// Options of steps and solves of bodies.
 struct BodyOptions {
   TimeStepping stepping;
   BodySolverOptions solver;
@@ -42,7 +42,7 @@ class FormSolver {
  public:
   FormSolver(Device device, const SolverOptions& options, const Capacity& capacity);
 
-  /// A batch in device memory takes `room`, or what it needs itself where its structure can be read here.
+  /// A batch in device memory takes `room`, or its own need where its structure can be read here.
   void solve(const ContactView& batch, const Outputs& out, const Array* warm_start, StreamRef stream,
              const std::optional<Capacity>& room);
   void solve(const JacobianView& batch, const Outputs& out, const Start& start, StreamRef stream,
@@ -66,7 +66,7 @@ class FormSolver {
   CapturedObjects captured_;
 };
 
-/// Room for what either has room for, and whether both have the same.
+/// Room for both capacities, and whether both have the same.
 Capacity larger_of(const Capacity& a, const Capacity& b);
 bool same(const Capacity& a, const Capacity& b);
 

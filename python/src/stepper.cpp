@@ -132,7 +132,7 @@ class Stepper {
       solver_ = std::make_unique<Form<float>>(arguments...);
   }
 
-  /// Reads arrays while Python waits, by prepare(solver, view), and lets Python go on while what it returns runs.
+  /// Reads arrays while Python waits, by prepare(solver, view), and lets Python go on while the returned work runs.
   template <template <class> class Form, class Views, class Prepare>
   void run(const Views& views, const Prepare& prepare) {
     std::visit(

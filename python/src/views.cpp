@@ -15,7 +15,7 @@ namespace stiction::python {
 
 namespace {
 
-/// Arrays by name; what is not there is null.
+/// Arrays by name; missing ones are null.
 class Fields {
  public:
   explicit Fields(const nb::dict& arrays) : arrays_(arrays) {}

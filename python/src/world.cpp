@@ -294,7 +294,7 @@ class SharedWorld {
     is_pushed_ = force != nullptr;
   }
 
-  /// Reads arrays while Python waits, by prepare(world), and lets Python go on while what it returns runs.
+  /// Reads arrays while Python waits, by prepare(world), and lets Python go on while the returned work runs.
   template <class Prepare>
   void visit(const Prepare& prepare) {
     std::visit(

@@ -48,15 +48,15 @@ class Ranks:
 
     @property
     def is_first(self):
-        """True if this is rank 0, which logs and writes what is written once."""
+        """True if this is rank 0, which logs and writes shared files once."""
         return self.rank == 0
 
 
 def ranks(environment=os.environ):
     """The Ranks that a launcher's variables name; rank 0 of 1 where there is none.
 
-    A Slurm batch script itself is rank 0 of 1: only what srun starts has a step's number of tasks. Raises ValueError
-    where a variable is missing or no number.
+    A Slurm batch script itself is rank 0 of 1: only processes started by srun have a step's number of tasks. Raises
+    ValueError where a variable is missing or no number.
     """
     for launcher, *names in _LAUNCHERS:
         found = [environment.get(name) for name in names]
@@ -92,7 +92,7 @@ class Shard:
 
     @classmethod
     def per_rank(cls, num_envs, job=None):
-        """num_envs on each rank, rank by rank. job: Ranks; None: what ranks() finds."""
+        """num_envs on each rank, rank by rank. job: Ranks; None: ranks()."""
         job = ranks() if job is None else job
         return cls(job.rank * num_envs, (job.rank + 1) * num_envs, job.size * num_envs)
 
@@ -113,7 +113,7 @@ class Shard:
 
     @property
     def num_envs(self):
-        """How many environments this rank has."""
+        """Number of environments of this rank."""
         return self.end - self.begin
 
     @property
@@ -182,7 +182,7 @@ def merge_stats(all_stats):
 
 
 def rebalance(offsets, seconds, most=0.05):
-    """Offsets by which every rank would take as long, from what each took for its present environments.
+    """Offsets by which every rank would take as long, from each one's time for its present environments.
 
     offsets: of Shard.of. seconds: by rank, as gather() collects them. No offset moves by more than `most` of a rank's
     mean number of environments (or by one), and every rank keeps one at least. The same on every rank, which calls it
@@ -283,7 +283,7 @@ def load(folder, shard):
     if not complete:
         return None, None
     parts = []
-    # A step may have been written twice, by other numbers of ranks: what is newer counts.
+    # A step may have been written twice, by other numbers of ranks: the newer one counts.
     for path in sorted(_parts(complete[-1]), key=lambda path: -path.stat().st_mtime_ns):
         begin, end = _range_of(path)
         if end <= shard.begin or begin >= shard.end:
@@ -307,12 +307,12 @@ def _number_of(place):
 
 
 def _parts(place):
-    """Files of save() in a checkpoint's folder; what else lies there is not looked at."""
+    """Files of save() in a checkpoint's folder; others there are not looked at."""
     return [path for path in place.glob("*_*.npz") if path.stem.replace("_", "", 1).isdecimal()]
 
 
 def _read(path):
-    """The arrays of a file. Raises ValueError for what is none of save()'s."""
+    """The arrays of a file. Raises ValueError for a file that is none of save()'s."""
     try:
         with np.load(path) as file:
             arrays = {name: file[name] for name in file.files}

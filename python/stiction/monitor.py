@@ -33,7 +33,7 @@ class CsvLogger:
 
 
 class JsonLogger:
-    """A callback that writes one JSON object per line and solve; what is not finite is null."""
+    """A callback that writes one JSON object per line and solve; numbers that are not finite are null."""
 
     def __init__(self, path):
         self._file = open(path, "w", encoding="utf-8")

@@ -15,7 +15,7 @@ __all__ = ["assert_permutation_invariant"]
 
 
 def assert_permutation_invariant(run, environments, *, shuffles=2, seed=0):
-    """Asserts that what an environment returns depends on that environment alone, to the last bit.
+    """Asserts that an environment's result depends on that environment alone, to the last bit.
 
     The environments are run as given. They are run again in reverse, in random orders, in two halves, each one alone,
     and all twice over. Wherever an environment stands and whatever stands beside it, its result must have the same
@@ -23,8 +23,8 @@ def assert_permutation_invariant(run, environments, *, shuffles=2, seed=0):
 
     run: takes a list of environments, returns one result for each in the same order. A result is an array, a number, or
         a tuple, list or dict of results. Arrays of PyTorch, JAX, CuPy and Warp are copied to the host. run must start
-        anew in each call: what it keeps from the last one (warm starts, states, random numbers) is part of the answer.
-    environments: what run takes a list of, at least one: seeds, states, matrices.
+        anew in each call: state kept from the last one (warm starts, states, random numbers) is part of the answer.
+    environments: arguments of run, a list of at least one: seeds, states, matrices.
     shuffles: how many random orders; seed: of them.
 
     Raises AssertionError with the first environment that differs, its two places, and the first number that does.

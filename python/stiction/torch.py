@@ -180,8 +180,8 @@ def solve(A, b, mu=None, R=None, lo=None, hi=None, *, counts=None, warm_start=No
     Entries of A are independent. Derivatives are those of the solution, not of the iterations, and err by as much as the
     solution does: solve to 1e-6 or less. An environment that was not solved has derivatives of 0, and so has one whose
     reactions are not determined: give R. warm_start has none. Boxed friction and semidefinite cones have none, and a
-    backward pass through them raises. kappa > 0 takes the derivatives of the relaxed problem, so that open contacts pass
-    some on (stiction.Derivative); what is returned does not change.
+    backward pass through them raises. kappa > 0 takes the derivatives of the relaxed problem, so that open contacts
+    pass some on (stiction.Derivative); the results do not change.
 
     derivative="unrolled" takes those of exactly max_iterations sweeps of solver="pgs" with tolerance=0, converged or not,
     and by warm_start, too (Derivative.unrolled_vjp).
@@ -261,7 +261,7 @@ def step_world(world, position, orientation, twist, wrench=None, *, kappa=0.0):
     depends on the arguments and the world's options alone.
 
     position and twist have derivatives by position, twist and wrench, in reverse and once: those of stiction.WorldStep.
-    There is said what is frozen, and what kappa does. orientation has none. Environments without a derivative have
-    zeros. Solve to a small tolerance, and give contacts compliance (cfm > 0).
+    It tells the frozen quantities, and the effect of kappa. orientation has none. Environments without a derivative
+    have zeros. Solve to a small tolerance, and give contacts compliance (cfm > 0).
     """
     return WorldState(*_WorldStep.apply(position, orientation, twist, wrench, world, kappa))

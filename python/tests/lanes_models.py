@@ -1,4 +1,4 @@
-"""Models that are stepped in lanes, states of them, and a measure; what tests of engine="lanes" share."""
+"""Models that are stepped in lanes, states of them, and a measure; shared by tests of engine="lanes"."""
 
 import pathlib
 
@@ -99,7 +99,7 @@ def model_of(name, cone="pyramidal", integrator="Euler"):
 
 
 def random_states(model, count, seed=0):
-    """Data with coordinates, velocities and controls at random, whatever touches what."""
+    """Data with coordinates, velocities and controls at random, touching or not."""
     rng = np.random.default_rng(seed)
     found = [mujoco.MjData(model) for _ in range(count)]
     for data in found:
@@ -125,7 +125,7 @@ def fallen_states(model, count, seed=0):
 
 
 def apart(found, expected):
-    """Largest difference over the largest number of what is expected."""
+    """Largest difference over the largest expected number."""
     found, expected = np.asarray(found, float), np.asarray(expected, float)
     return 0.0 if not expected.size else float(np.abs(found - expected).max() / max(np.abs(expected).max(), 1e-9))
 
@@ -145,7 +145,7 @@ def jacobian(model, data):
 
 
 def compare_smooth(model, found, i, one):
-    """Roundings of some hundred operations on numbers of unlike sizes: M 1e-14, what is solved with it 1e-12."""
+    """Roundings of some hundred operations on numbers of unlike sizes: M 1e-14, solutions with it 1e-12."""
     errors = {"M": apart(found["M"][i], full_mass(model, one)) / 1e-13, "bias": apart(found["bias"][i], one.qfrc_bias) / 1e-12,
               "passive": apart(found["passive"][i], one.qfrc_passive) / 1e-12,
               "actuator": apart(found["actuator"][i], one.qfrc_actuator) / 1e-12,

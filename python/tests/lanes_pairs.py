@@ -1,4 +1,4 @@
-"""Two shapes near each other, of every pair of kinds that is stepped in lanes: what tests of contacts share."""
+"""Two shapes near each other, of every pair of kinds that is stepped in lanes: shared by tests of contacts."""
 
 import numpy as np
 from lanes_models import mujoco

@@ -1,4 +1,4 @@
-"""Worlds of MuJoCo Warp for tests of stiction.mujoco_warp, and what they have by code that is neither's."""
+"""Worlds of MuJoCo Warp for tests of stiction.mujoco_warp, and their numbers by code that is neither's."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""A model with every kind of row, its controls, and a step beside MuJoCo's own; what tests of stiction.mujoco share."""
+"""A model with every kind of row, its controls, and a step beside MuJoCo's own; shared by tests of stiction.mujoco."""
 
 import numpy as np
 import pytest
@@ -40,8 +40,8 @@ def controls(model, step, seed=0):
 
 
 def disturb(simulation):
-    """Small velocities, so that no bodies lie symmetrically: step_side_by_side() says why. Within a step of RK4 contacts are
-    found three times more, from what the solver's last bits have led to."""
+    """Small velocities, so that no bodies lie symmetrically: step_side_by_side() says why. Within a step of RK4
+    contacts are found three more times, from states that the solver's last bits have led to."""
     data = simulation.data[0]
     data.qvel[:] = 1e-3 * np.random.default_rng(7).standard_normal(len(data.qvel))
 
@@ -50,7 +50,7 @@ def step_side_by_side(simulation, peer, ctrl):
     """One step of both from the simulation's state; how far apart their positions are then.
 
     A trajectory apart from each other's would be no test: where bodies lie symmetrically, MuJoCo's collision detection
-    chooses contacts by what rounding has left.
+    chooses contacts by roundings.
     """
     data = simulation.data[0]
     for field in ("qpos", "qvel", "act", "qacc_warmstart"):

@@ -1,4 +1,4 @@
-"""Models for the tests of stiction.newton, and what steps them. Skips where newton or warp is lacking."""
+"""Models for the tests of stiction.newton, and their steps. Skips where newton or warp is lacking."""
 
 import numpy as np
 from frameworks import framework

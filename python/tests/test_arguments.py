@@ -1,4 +1,4 @@
-"""Options that are no arrays: what does not fit into the library's numbers and names is refused by its name."""
+"""Options that are no arrays: values beyond the library's numbers and names are refused by name."""
 
 import subprocess
 import sys

@@ -41,7 +41,7 @@ def test_lists_padded_and_flat_arrays_have_the_same_bits(scenes, padded, listed)
 
 
 def test_coulombs_law_holds_for_the_answer(scenes, listed):
-    """Signorini and Coulomb, checked by hand on every contact: no code of the library decides what is right here."""
+    """Signorini and Coulomb, checked by hand on every contact: no code of the library decides here."""
     solution = answer(listed)
     assert solution.solved.all()
     touching = 0

@@ -1,4 +1,4 @@
-"""Boxed friction from Python: answers by hand, lists, padded arrays, files and PyTorch; what refuses it."""
+"""Boxed friction from Python: answers by hand, lists, padded arrays, files and PyTorch; refusals."""
 
 import numpy as np
 import pytest
@@ -35,7 +35,7 @@ def test_a_file_keeps_it(tmp_path):
 
 
 def violation(A, b, mu, lambda_):
-    """How far reactions of contacts of three rows are from boxed friction, by products of what must not both be there."""
+    """Distance of reactions of contacts of three rows from boxed friction, by products that must vanish."""
     w, worst = A @ lambda_ + b, 0.0
     for first in range(0, len(b), 3):
         normal = lambda_[first]

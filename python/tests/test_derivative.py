@@ -1,4 +1,4 @@
-"""Derivatives of solutions: against finite differences of solves, their shapes, and what is refused."""
+"""Derivatives of solutions: against finite differences of solves, their shapes, and refusals."""
 
 import numpy as np
 import pytest

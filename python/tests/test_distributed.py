@@ -170,7 +170,7 @@ def test_a_range_that_moved_goes_on_as_it_was(envs_of, alone):
     states = [envs.states() for envs in ranks]
     leaves = {name: values[5:] for name, values in states[0].items()}
 
-    class Both:  # what both ranks send
+    class Both:  # messages of both ranks
         @staticmethod
         def allgather(value):
             return [leaves, {name: values[:0] for name, values in states[1].items()}]
@@ -267,7 +267,7 @@ def test_the_last_complete_checkpoints_are_kept(tmp_path):
     assert names == ["step_000000020", "step_000000030", "step_000000040"]
     found, states = distributed.load(tmp_path, Shard(1, 4, 5))
     assert found == 30 and np.array_equal(states["id"], [1, 2, 3]) and (states["value"] == 30).all()
-    # Other ranks go over the same steps: what is newer counts.
+    # Other ranks go over the same steps: the newer one counts.
     whole = Shard(0, 5, 5)
     distributed.save(tmp_path, 30, states_of(whole, 31), whole)
     assert (distributed.load(tmp_path, Shard(1, 4, 5))[1]["value"] == 31).all()

@@ -1,4 +1,4 @@
-"""Which checkpoints of stiction.distributed are the last ones, and what is none of them."""
+"""Choice of the last checkpoints of stiction.distributed, and files that are none of them."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The README, docs/reference/python.md and the table of mistakes show what happens."""
+"""The README, docs/reference/python.md and the table of mistakes show real output."""
 
 import re
 import runpy

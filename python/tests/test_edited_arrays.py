@@ -12,7 +12,7 @@ from stiction import Batch, Solver
 
 
 def flat(environments=4):
-    """Environments of two contacts each, dense and one behind the other."""
+    """Environments of two contacts each, dense and one after another."""
     rng = np.random.default_rng(3)
     half = rng.normal(size=(environments, 6, 9))
     A = np.ascontiguousarray((half @ half.transpose(0, 2, 1)).reshape(-1))

@@ -30,7 +30,7 @@ def actions_of(rng, envs):
                                                                            ("lanes", 1e-12, 1e-5))])
 def test_observations_rewards_and_ends_are_gymnasiums(name, solver, tolerance, close):
     pytest.importorskip("imageio", reason="NOT compared with Gymnasium: pip install 'gymnasium[mujoco]'")
-    # MuJoCo's Newton is run to its end in both, so that what is left between the solvers is rounding and `tolerance`.
+    # MuJoCo's Newton is run to its end in both, so that the difference of the solvers is rounding and `tolerance`.
     how = dict(engine="lanes") if solver == "lanes" else dict(solver=solver)
     envs = MujocoVectorEnv(name, 2, tolerance=tolerance, autoreset_mode=AutoresetMode.DISABLED, **how)
     peers = [gymnasium.make(f"{name}-v5") for _ in range(2)]

@@ -266,7 +266,7 @@ def test_ridge_learns_a_linear_map_and_is_offered_when_it_is_frozen(tmp_path):
     guesses = [learned(table, [p] * 4, solver, steps=20, seed=1) for table in (ridge, loaded)]
     assert guesses[0].stats() == guesses[1].stats() and guesses[0].stats()["taken"]["ridge"] > 60
     assert learned(Ridge(), [p] * 4, solver, deterministic=False).stats()["taken"]["ridge"] > 100
-    # It learned the least-squares map of what it saw: as good as lstsq on other samples of its own.
+    # It learned the least-squares map of its samples: as good as lstsq on other samples of its own.
     batch, rng = batch_of([p] * 100), np.random.default_rng(2)
     batch.b[:] += 0.02 * rng.normal(size=batch.b.shape)
     alone = Guess([loaded])

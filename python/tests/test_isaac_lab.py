@@ -1,5 +1,5 @@
-"""The class of docs/howto/newton.md inside Isaac Lab itself, without Isaac Sim: boxes that fall, rest and slide. The page says
-what to install.
+"""The class of docs/howto/newton.md inside Isaac Lab itself, without Isaac Sim: boxes that fall, rest and slide. The
+page names the packages to install.
 """
 
 import importlib.util

@@ -206,7 +206,7 @@ def test_options_are_refused_before_anything_is_solved(jax, solve):
 
 
 def test_numbers_of_another_kind_are_refused(jax, solve):
-    """They used to be read as floats, halves beyond their end, and the answer was what lay in memory."""
+    """They used to be read as floats, halves beyond their end, and the answer was any bytes in memory."""
     A, b, mu, R = contacts(0)
     for kind in (int, np.float16, complex):
         with pytest.raises(TypeError, match=f"A: expected float32 or float64, got {np.dtype(kind)}"):

@@ -54,7 +54,7 @@ def test_one_of_many_fails_and_is_held(count, bad, poison, nstep):
     dirty = simulations(count, over=clean, hold_failed=True)
     dirty.step(nstep=2)
     assert clean.failed is None and dirty.failed.size == 0
-    if poison is throw:  # the state that the step begins with is good, and is what is held
+    if poison is throw:  # the state that the step begins with is good, and is held
         poison(dirty.data[bad])
     good = states(dirty)[bad]
     poison(dirty.data[bad])

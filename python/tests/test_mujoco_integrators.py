@@ -149,7 +149,7 @@ def test_islands_change_no_answer(cone):
         assert step_beside(simulation, peer)[0] < 1e-11
         assert (simulation.data[0].nisland > 1) == islands
         accelerations[islands] = simulation.data[0].qacc.tobytes()
-    assert accelerations[True] == accelerations[False]  # what MuJoCo makes of islands is not read here
+    assert accelerations[True] == accelerations[False]  # MuJoCo's islands are not read here
 
 
 # Two boxes fall asleep; another falls onto the first and wakes it.
@@ -175,7 +175,7 @@ def test_sleeping_trees_are_not_moved_and_wake_when_mujocos_do(cone, jacobian, i
         mujoco.mj_step(model, peer)
         awake = data.tree_awake
         assert awake.tolist() == peer.tree_awake.tolist(), step
-        # Until the impact in step 121, which enlarges what rounding has left.
+        # Until the impact in step 121, which enlarges roundings.
         np.testing.assert_allclose(data.qpos, peer.qpos, rtol=0, atol=1e-11 if step < 121 else 1e-5)
         for tree in (0, 1):
             if not awake_before[tree] and not awake[tree]:

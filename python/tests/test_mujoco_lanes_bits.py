@@ -1,4 +1,4 @@
-"""engine="lanes": the bits of a simulation depend on itself alone; what is not finite stays alone."""
+"""engine="lanes": the bits of a simulation depend on itself alone; numbers that are not finite stay alone."""
 
 import copy
 import os

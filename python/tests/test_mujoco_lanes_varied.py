@@ -114,7 +114,7 @@ def test_one_constant_may_vary_alone(known, name):
 @pytest.mark.parametrize("name", NAMES)
 def test_constants_of_the_model_give_its_bits(name, cone):
     """In double precision, where damping that may vary is not all zero: a model without damping solves with M once less.
-    In single, what is derived from constants is rounded otherwise."""
+    In single, numbers derived from constants are rounded otherwise."""
     model = model_of(name, cone)
     varied = tuple(known for known in KNOWN if known != "dof_damping" or model.dof_damping.any())
     data = fallen_states(model, 9, seed=4)

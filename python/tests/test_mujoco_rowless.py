@@ -1,4 +1,4 @@
-"""Simulations inside MuJoCo of which some have no constraints: what MuJoCo does there, and nothing beyond it."""
+"""Simulations inside MuJoCo of which some have no constraints: MuJoCo's own work there, and nothing beyond it."""
 
 import numpy as np
 import pytest

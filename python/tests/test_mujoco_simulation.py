@@ -253,7 +253,7 @@ def test_an_accuracy_that_is_none_is_refused_and_changes_nothing(accuracy, said)
 
 
 def test_a_simulation_does_not_notice_in_which_chunk_it_is():
-    """One thread steps a chunk at a time. Simulations of the second have what was asked of them, and their bits."""
+    """One thread steps a chunk at a time. Simulations of the second have their own limits, and their bits."""
     model = zoo()
     chunk = stiction.mujoco.BatchedSimulation(model, 64, threads=1)._core.chunk_size()
     n = chunk + 3
@@ -323,7 +323,7 @@ def test_a_coupling_of_small_compliance_is_one_step(impedance):
     """An equality has no zone to leave, so that the problem is linear, whatever its compliance."""
     model = mujoco.MjModel.from_xml_string(COUPLED.format(impedance=impedance))
     model.opt.tolerance = 0
-    model.dof_invweight0[:] *= 0.3  # by which MuJoCo estimates what the coupling sees
+    model.dof_invweight0[:] *= 0.3  # MuJoCo's estimate of the coupling's response
     simulation = stiction.mujoco.BatchedSimulation(model, 1, tolerance=1e-9, warm_start=0)
     data, peer = simulation.data[0], mujoco.MjData(model)
     for one in (data, peer):

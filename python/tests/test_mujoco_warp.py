@@ -47,7 +47,7 @@ def compare(datas, m, d, limit, ties):
                                             ("elliptic", "sparse"), ("pyramidal", "dense"), ("pyramidal", "sparse")])
 def test_answers_are_those_of_mujoco_and_of_its_warp(cone, jacobian):
     model, datas, m, d = zoo_worlds(cone, jacobian)
-    # float32: numbers are rounded by 6e-8 of their size, and what adds up to qacc is several times qacc.
+    # float32: numbers are rounded by 6e-8 of their size, and the terms of qacc are several times qacc.
     solution = compare(datas, m, d, 4e-6, 0)
     types_seen = np.unique(d.efc.type.numpy()[0, :datas[0].nefc])
     assert set(types_seen) == {0, 1, 2, 3, 4, 5, 6 if cone == "pyramidal" else 7}
@@ -313,7 +313,7 @@ def test_what_sleeps_is_not_moved(cone, jacobian, integrator):
         rested += not before[1][0, 3] and not awake[0, 3]
     assert slept > 20 and rested > 10 and awake[0].tolist() == [0, 1, 1, 0]
     with drop_in.replaces_solver():
-        mujoco_warp.forward(m, d)  # a step ends by zeros for what sleeps
+        mujoco_warp.forward(m, d)  # a step ends by zeros for sleeping bodies
     assert d.nl.numpy()[0] == 1  # a row of the arm that sleeps on its limit
     for name in ("qacc", "qfrc_constraint"):
         assert (numbers(d, name)[0][:, [0, 1, 2, 3, 4, 5, -1]] == 0).all(), name

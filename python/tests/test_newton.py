@@ -251,7 +251,7 @@ def test_forces_of_control_and_state_act_in_newtons_frames():
 
 
 def one_sided(lower, upper, stiffness=0.0):
-    """A slider of 1 kg with such limits, a spring or none, and what Newton's builder leaves in the targets."""
+    """A slider of 1 kg with such limits, a spring or none, and targets as Newton's builder leaves them."""
     builder = newton.ModelBuilder(gravity=(0, 0, 0))
     body = builder.add_link(mass=1.0, inertia=wp.mat33(np.eye(3)))
     joint = builder.add_joint_prismatic(-1, body, axis=(1, 0, 0), limit_lower=lower, limit_upper=upper)

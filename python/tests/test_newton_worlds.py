@@ -1,4 +1,4 @@
-"""Worlds of stiction.newton apart from each other, their records, warm starts, and what is refused."""
+"""Worlds of stiction.newton apart from each other, their records, warm starts, and refusals."""
 
 import dataclasses
 import re
@@ -79,7 +79,7 @@ def test_the_example_slides_as_the_formula_says(monkeypatch, capsys):
 
 @pytest.mark.quick
 def test_the_lines_for_isaac_lab_build_a_solver_that_steps(monkeypatch):
-    """Isaac Lab's two modules are stand-ins here: what is tested is that the page's class fills the documented slots."""
+    """Isaac Lab's two modules are stand-ins here: the test is that the page's class fills the documented slots."""
     physics, utils = types.ModuleType("isaaclab_newton.physics"), types.ModuleType("isaaclab.utils.configclass")
     physics.NewtonManager, physics.NewtonSolverCfg = type("NewtonManager", (), {}), type("NewtonSolverCfg", (), {})
     utils.configclass = dataclasses.dataclass

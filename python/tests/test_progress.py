@@ -40,7 +40,7 @@ def run(before="", option="", terminal=True):
     try:
         while piece := os.read(leader, 65536):
             pieces.append(piece)
-    except OSError:  # what Linux says at the end of a terminal
+    except OSError:  # Linux's error at the end of a terminal
         pass
     os.close(leader)
     assert done.returncode == 0

@@ -1,4 +1,4 @@
-"""Pages of reports: what the command line wrote is on them, and what is no report is refused in one sentence."""
+"""Pages of reports have the command line's numbers; files that are no report are refused in one sentence."""
 
 import copy
 import html.parser

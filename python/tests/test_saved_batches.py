@@ -1,4 +1,4 @@
-"""Batches of J and M and of bodies in files: what the command line makes of them is what the solver found here."""
+"""Batches of J and M and of bodies in files: the command line's answers are those of the solver here."""
 
 import json
 import subprocess

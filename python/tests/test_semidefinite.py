@@ -109,8 +109,8 @@ def test_solutions_are_clarabels(mix, solver):
     narrow = Solver(solver=solver, tolerance=1e-5, max_iterations=50000).solve(
         Batch.from_delassus(*single[:2], cones=cones, mu=single[2], R=single[3], lo=single[4], hi=single[5]))
     assert narrow.solved.all()
-    # The smallest eigenvalue of A is 0.2 at least. Hence 0.1 |l - l*|^2 is less than what the value of l is off by.
-    # And an answer is off by five times its residual at most.
+    # The smallest eigenvalue of A is 0.2 at least. Hence 0.1 |l - l*|^2 is less than the error of l's value. And an
+    # answer is off by five times its residual at most.
     for own, found, rough in zip(problems, np.split(np.ravel(solution.lambda_), 3), np.split(np.ravel(narrow.lambda_), 3)):
         expected, gap = by_clarabel(cones, *own)
         assert gap < 1e-7

@@ -163,7 +163,7 @@ def test_velocities_are_a_warm_start_of_j_and_m():
     for given in (dict(warm_velocities=cold.velocities), dict(warm_start=cold)):
         warm = solver.solve(batch, **given)
         assert warm.iterations.max() == 0 and warm.solved.all(), given
-    # Given again and again, the answer's own array: the cached call reads what is in it.
+    # Given again and again, the answer's own array: the cached call reads its contents.
     answer = solver.solve(batch, warm_velocities=cold.velocities)
     for _ in range(2):
         answer.velocities[:] = 0.0

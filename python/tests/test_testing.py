@@ -1,4 +1,4 @@
-"""stiction.testing: it passes what does not depend on neighbours, and catches what does."""
+"""stiction.testing: it passes functions that do not depend on neighbours, and catches those that do."""
 
 import numpy as np
 import pytest

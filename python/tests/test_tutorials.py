@@ -1,4 +1,4 @@
-"""The tutorials, block after block: what a page shows below a block is what the block prints."""
+"""The tutorials, block after block: the text below a block is the block's output."""
 
 import contextlib
 import io

@@ -1,4 +1,4 @@
-"""Recordings for Rerun are written, read back and compared with what they show."""
+"""Recordings for Rerun are written, read back and compared with their subjects."""
 
 import pathlib
 import subprocess
@@ -18,7 +18,7 @@ from stiction.view.frame import Contacts, cone_lines, islands, tangents  # noqa:
 
 
 class Recording:
-    """Columns of a file: {path: {component: [(step, values)]}}; of what is static the step is None."""
+    """Columns of a file: {path: {component: [(step, values)]}}; the step of static ones is None."""
 
     def __init__(self, path, timeline="step"):
         self.paths = {}
@@ -52,7 +52,7 @@ def verified(path):
 
 @pytest.fixture
 def recorded(tmp_path):
-    """A pile that was recorded, with what it was at each step."""
+    """A pile that was recorded, with its state at each step."""
     world, seen = worlds.started(envs=3), {}
     path = tmp_path / "pile.rrd"
     with view.Recorder(path, envs=[0, 2]) as recorder:
@@ -182,7 +182,7 @@ def test_slip_is_that_of_a_block_that_slides(tmp_path):
     slip = recording.at("/world/env_0/slip", "Arrows3D:vectors", 20) / 0.5
     np.testing.assert_allclose(slip[:, 0], speed[contacts.body_b], rtol=1e-3, atol=1e-5)
     assert recording.series("/slip/env_0")[20] == pytest.approx(speed.max(), rel=1e-3)
-    # Forces of what slides end on the rings of their cones.
+    # Forces of sliding contacts end on the rings of their cones.
     force = recording.at("/world/env_0/forces", "Arrows3D:vectors", 20)
     rings = [np.array(strip) for strip in recording.at("/world/env_0/cones", "LineStrips3D:strips", 20)][::5]
     points = recording.at("/world/env_0/contacts", "Points3D:positions", 20)

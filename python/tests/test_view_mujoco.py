@@ -1,4 +1,4 @@
-"""Recordings of MuJoCo simulations hold what MuJoCo has: places of geoms, forces and slip of contacts."""
+"""Recordings of MuJoCo simulations hold MuJoCo's own numbers: places of geoms, forces and slip of contacts."""
 
 import numpy as np
 import pytest

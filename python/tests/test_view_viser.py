@@ -1,4 +1,4 @@
-"""Recordings for viser are written, read back by their format, and compared with what they show."""
+"""Recordings for viser are written, read back by their format, and compared with their subjects."""
 
 import subprocess
 import sys
@@ -24,7 +24,7 @@ def arrows(nodes, name):
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
-    """A pile that was recorded, with what it was at each step."""
+    """A pile that was recorded, with its state at each step."""
     world, seen = worlds.started(envs=3), {}
     path = tmp_path_factory.mktemp("viser") / "pile.viser"
     with view.Recorder(path, envs=[0, 2]) as recorder:
@@ -37,7 +37,7 @@ def recorded(tmp_path_factory):
 
 
 def shown(recorded):
-    """(what a recording shows, and what the world was) of each step. A recording begins with its first step."""
+    """(recorded state, the world's state) of each step. A recording begins with its first step."""
     recording, seen, _, world = recorded
     first = min(seen)
     assert recording.duration == pytest.approx((max(seen) - first) * world.dt)
@@ -151,7 +151,7 @@ def test_slip_is_that_of_a_block_that_slides(tmp_path):
     contacts, speed = world.contacts(), world.state().twist[0, :, 0]
     np.testing.assert_allclose(arrows(nodes, "/world/env_0/slip")[1][:, 0] / 0.5, speed[contacts.body_b], rtol=1e-3,
                                atol=1e-5)
-    # Forces of what slides end on the rings of their cones: 24 segments, and 4 spokes.
+    # Forces of sliding contacts end on the rings of their cones: 24 segments, and 4 spokes.
     points, force = arrows(nodes, "/world/env_0/forces")
     cones = nodes["/world/env_0/cones"]["points"].reshape(len(force), 28, 2, 3)
     for point, arrow, cone, mu in zip(points, force, cones, contacts.mu):

@@ -344,7 +344,7 @@ def test_python_goes_on_while_a_world_steps():
         finished.set()
 
     interval = sys.getswitchinterval()
-    sys.setswitchinterval(1000)  # only who lets go of the interpreter lets others run
+    sys.setswitchinterval(1000)  # only a call that releases the interpreter lets others run
     try:
         thread = threading.Thread(target=work)
         thread.start()

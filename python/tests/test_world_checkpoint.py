@@ -1,4 +1,4 @@
-"""Checkpoints of worlds: the bits of a run without a stop, and what does not fit."""
+"""Checkpoints of worlds: the bits of a run without a stop, and files that do not fit."""
 
 import numpy as np
 import pytest

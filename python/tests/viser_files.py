@@ -1,4 +1,4 @@
-"""Reads recordings of viser by its file format alone, and says what is shown at a time."""
+"""Reads recordings of viser by its file format alone, and returns the scene at a time."""
 
 import base64
 import re

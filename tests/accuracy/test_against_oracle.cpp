@@ -9,7 +9,7 @@
 #include "tests/support/systems/random_systems.hpp"
 #include "tests/support/systems/small_systems.hpp"
 
-// The oracle is held to account first; then what solvers do with problems whose every solution is known.
+// The oracle is held to account first; then solvers' answers to problems whose every solution is known.
 
 namespace {
 

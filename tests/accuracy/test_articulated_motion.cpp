@@ -10,7 +10,7 @@
 #include "tests/support/error_message.hpp"
 #include "tests/support/systems/walker.hpp"
 
-/// Motions that are known in closed form, and models at the edge of what is stepped.
+/// Motions that are known in closed form, and models at the edge of the supported ones.
 namespace {
 
 using namespace stiction;
@@ -54,7 +54,7 @@ double elliptic_k(double modulus) {
   return std::numbers::pi / (2 * a);
 }
 
-/// How far a pendulum of large swings is from where it began after one period.
+/// Distance of a pendulum of large swings from its start after one period.
 double miss_of_pendulum(Index steps) {
   constexpr double kStart = 2.0, kMoment = 0.02 + 2 * 0.4 * 0.4;
   const double period = 4 * std::sqrt(kMoment / (2 * kGravity * 0.4)) * elliptic_k(std::sin(kStart / 2));
@@ -147,7 +147,7 @@ TEST(ArticulatedMotion, AFallingBodyKeepsItsAngularMomentum) {
   EXPECT_LT(half, whole / 12) << whole;
 }
 
-/// It moves by what its solves leave, 1e-16 m a step at this tolerance.
+/// It moves by its solves' residuals, 1e-16 m a step at this tolerance.
 TEST(ArticulatedMotion, ARobotAtRestStaysWhereItIs) {
   ArticulatedOptions options;
   options.tolerance = 1e-10;

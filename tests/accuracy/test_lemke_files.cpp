@@ -19,7 +19,7 @@ namespace {
 #if defined(STICTION_TEST_HAS_IO)
 
 /// Environments of at most `rows` rows of a shared file, pivoted to 1e-9; returns how many there were. Pivots are as
-/// good as roundings of the largest numbers, 1e-10 of the scale of what is light beside them.
+/// good as roundings of the largest numbers, 1e-10 of the scale of light bodies beside them.
 int pivot_all(const ContactBatch<double>& batch, Index rows) {
   int solved = 0;
   for (Offset env = 0; env < batch.env_count(); ++env) {

@@ -39,7 +39,7 @@ BodyEnvironment<double> any_bodies() {
   return random_bodies(seed, bodies, *rc::gen::inRange(1, 10));
 }
 
-/// A contact that gives way by a hundredth of what a kilogram does.
+/// A contact that gives way by a hundredth of a kilogram's motion.
 TimeStepping compliant() {
   TimeStepping stepping;
   stepping.cfm = 0.01 * stepping.dt;

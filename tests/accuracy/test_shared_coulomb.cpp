@@ -11,7 +11,7 @@ namespace {
 
 #if defined(STICTION_TEST_HAS_IO)
 
-/// One file by one solver, and what it is known not to solve.
+/// One file by one solver, and the environments it is known not to solve.
 struct Case {
   const char* file;
   SolverKind solver;

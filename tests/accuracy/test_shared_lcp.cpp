@@ -36,7 +36,7 @@ TEST_P(SharedLcp, IsSolvedByAutoAndConfirmedByTheJudge) {
     expect_solved_but_for(file.name, batch, options(SolverKind::automatic, tolerance, 20000), file.unsolved);
 }
 
-/// Few of these are what sweeps or splittings are made for. Whatever a solver claims, the judge confirms.
+/// Few of these suit sweeps or splittings. Whatever a solver claims, the judge confirms.
 TEST_P(SharedLcp, NoSolverClaimsWhatTheJudgeDenies) {
   const LcpFile& file = GetParam();
   const auto path = shared_file(std::string("lcp/") + file.name + ".h5");

@@ -6,7 +6,7 @@
 #include "tests/support/systems/real_files.hpp"
 #endif
 
-/// Consecutive time steps of a stack and of a heap. Many of the heap's matrices are not what a mechanism made: whole
+/// Consecutive time steps of a stack and of a heap. Many of the heap's matrices are not those of a mechanism: whole
 /// words were lost when they were recorded (docs/math/auto.md). They stay, as hostile input.
 namespace stiction::test {
 namespace {

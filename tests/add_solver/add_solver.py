@@ -2,8 +2,8 @@
 """Adds a solver to a copy of the tree, in the five places that docs/tutorials/writing_a_solver.md names, builds it and runs its test.
 
 Header, enumerator and line of CMake are those that the page shows, so that the page is tested. Three new files and two new
-lines must be all. Nothing but what the test needs is built, for any x86-64 and not optimised; what an earlier run built and
-has not changed is kept. Exit status 1 on a finding.
+lines must be all. Only the test's needs are built, for any x86-64 and not optimised; unchanged files of an earlier run
+are kept. Exit status 1 on a finding.
 
     add_solver.py --source DIR --work DIR --cxx COMPILER [--launcher ccache] [--generator Ninja] [--jobs N]
 """
@@ -111,7 +111,7 @@ def main():
     arguments = parser.parse_args()
     tree, build = (arguments.work.resolve() / name for name in ("tree", "build"))
     write_tree(changed_tree(arguments.source.resolve()), tree)
-    # The rules for what may include what bind the new solver, too.
+    # The rules of includes bind the new solver, too.
     run("lint", [sys.executable, tree / "tools/lint_includes.py"])
     run("configure", ["cmake", "-S", tree, "-B", build, "-G", arguments.generator, f"-DCMAKE_CXX_COMPILER={arguments.cxx}",
                       f"-DCMAKE_CXX_COMPILER_LAUNCHER={arguments.launcher}", *OPTIONS])

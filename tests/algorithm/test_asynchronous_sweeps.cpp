@@ -1,4 +1,4 @@
-// Sweeps of bodies whose threads wait for no colour: what they answer, by a judge of its own, whichever thread is late.
+// Sweeps of bodies whose threads wait for no colour: their answers, by a judge of its own, whichever thread is late.
 #include <gtest/gtest.h>
 
 #include <atomic>
@@ -132,7 +132,7 @@ TEST(AsynchronousSweeps, TheirTwistsAreThoseOfNewtonsMethod) {
   ASSERT_EQ(expected.status[0].code, EnvCode::solved);
   const BodySolution<double> solution = solve_on_threads(env, until(1e-7, true), 3, 30);
   ASSERT_EQ(solution.status[0].code, EnvCode::solved);
-  // Twists of a convex problem are unique; b is of size 1, and R bounds what 1e-7 of it can hide.
+  // Twists of a convex problem are unique; b is of size 1, and R bounds the error that 1e-7 of it can hide.
   EXPECT_LT(largest_difference(solution.twist, expected.twist), 1e-5);
 }
 
@@ -162,7 +162,7 @@ TEST(AsynchronousSweeps, TheyEndWhereSweepsHaveRunOutAndKeepTheBest) {
 
 TEST(AsynchronousSweeps, AnItemBeginsWhenThoseAWindowBeforeHaveEnded) {
   constexpr Offset kItems = 400, kWindow = 7;
-  std::vector<int> seen(kItems, 0);  // not atomic: what an item wrote, others see after a window
+  std::vector<int> seen(kItems, 0);  // not atomic: others see an item's writes after a window
   std::atomic<int> early{0};
   cpu::run_team(4, [&](cpu::ThreadTeam& shared, Index rank) {
     ThreadedTeam team(shared, rank);

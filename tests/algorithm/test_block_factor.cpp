@@ -150,7 +150,7 @@ TEST(BlockFactor, ItsProductIsTheMatrix) {
     for (const Ordering ordering : orderings()) {
       PreconditionerWorkspace workspace(box_matrix(scene, 1e-3, 20), Preconditioning::block_ldl, ordering);
       workspace.apply(random_vector(workspace.n(), 1));
-      // Entries of H reach some 1e5; what the sums of at most 360 products of them round away is below that by 1e-13.
+      // Entries of H reach some 1e5; the roundings of sums of at most 360 products of them are below that by 1e-13.
       EXPECT_LT(largest_difference_from(workspace, [](auto&&...) { return true; }), 1e-8) << to_string(ordering);
     }
 }

@@ -1,5 +1,5 @@
-// Contacts of two shapes, against hand answers and against what convexity says. The signed distance is the largest gap
-// along any direction, which a search over directions finds without looking at faces, edges or corners.
+// Contacts of two shapes, against hand answers and against convexity. The signed distance is the largest gap along any
+// direction, which a search over directions finds without looking at faces, edges or corners.
 #include <gtest/gtest.h>
 
 #include <algorithm>

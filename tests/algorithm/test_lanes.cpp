@@ -15,8 +15,8 @@
 #include "tests/support/systems/prepared.hpp"
 #include "tests/support/systems/random_systems.hpp"
 
-/// Lanes from inside: what they are loaded with and judged by, against each environment alone. Compiled for each of the
-/// library's widths, packs of several tiles side by side among them.
+/// Lanes from inside: their loads and verdicts, against each environment alone. Compiled for each of the library's
+/// widths, packs of several tiles side by side among them.
 namespace {
 
 using namespace stiction;
@@ -131,7 +131,7 @@ TYPED_TEST(LanesOf, AreJudgedAsAnEnvironmentIsByItself) {
     advance<Npgs, kLaw>(team, params, Advancing<Together>{*lanes.pack, Pack<Real, kWidth>(0), Pack<Real, kWidth>(100)});
     std::array<const EnvView<Real>*, kWidth> views;
     for (int l = 0; l < kWidth; ++l) views[static_cast<std::size_t>(l)] = &lanes.envs[static_cast<std::size_t>(l)];
-    // The last lane alone, then all: what was not asked for is not published.
+    // The last lane alone, then all: lanes that were not asked for are not published.
     for (const int first : {kWidth - 1, 0}) {
       std::array<int, kWidth> asked{};
       for (int l = first; l < kWidth; ++l) asked[static_cast<std::size_t>(l - first)] = l;

@@ -47,7 +47,7 @@ TEST(Lemke, SmallSystemsHaveTheAnswersWorkedOutByHand) {
 }
 
 TEST(Lemke, NoPathBeginsAtTheRowOfAReaction) {
-  // A fuzzer's: x_1 is basic and above its upper bound, so it is what needs x_0. It was taken for a motion.
+  // A fuzzer's: x_1 is basic and above its upper bound, so it needs x_0. It was taken for a motion.
   Prepared<Lemke, Law::convex, Dense> p(system({box(), box()}, {2, 1, 1, 2}, {-1, -1}));
   const Tableau t(p.system());
   std::fill(t.column, &t.T(0, 0), 1.0);  // whatever lies before the table

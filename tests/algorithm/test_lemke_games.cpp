@@ -37,7 +37,7 @@ Solution<double> play(const Game& game) {
   return solve_alone(batch_of({problem_of(game)}), options(SolverKind::lemke, 1e-10, 4096));
 }
 
-/// Plays the mixed choices lambda against the costs themselves: what is played must cost 1, and nothing may cost less.
+/// Plays the mixed choices lambda against the costs themselves: played ones must cost 1, and nothing may cost less.
 /// Returns the largest error.
 double regret(const Game& game, const std::vector<double>& lambda) {
   double worst = 0.0;

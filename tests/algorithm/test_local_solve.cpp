@@ -144,8 +144,8 @@ TEST(LocalSolve, AProximalPointAddsDeSaxcesTermUnderCoulombsLawOnly) {
   EXPECT_EQ(coulomb[0], 0.5);
 }
 
-/// How far x is from a law on a cone with the given mu, in the unit of w. The nearer counts of sticking and of sliding
-/// against the direction of x.
+/// Distance of x from a law on a cone with the given mu, in the unit of w. The nearer counts of sticking and of
+/// sliding against the direction of x.
 template <int M>
 double distance_from_law(Law law, const double (&B)[M][M], const double (&b)[M], const double (&mu)[M],
                          const double (&x)[M]) {

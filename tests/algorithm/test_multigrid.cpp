@@ -129,7 +129,7 @@ TEST(Multigrid, FewBodiesAndUncoupledOnesAreSolvedExactly) {
   const Multigrid grids = two.prepared(team);
   ASSERT_EQ(grids.plan.levels(), 2);
   EXPECT_EQ(grids.plan.dense_bodies(), 0);
-  // Each pair is an aggregate, and coarse bodies that nothing couples: what is left is the same for all pairs.
+  // Each pair is an aggregate, and coarse bodies that nothing couples: the remainder is the same for all pairs.
   const Vector right = random_vector(static_cast<Index>(two.size()), 6);
   std::vector<double> answer;
   const GradientOutcome outcome = iterate(two.H(), grids, {right.begin(), right.end()}, 1e-10, 12, answer);

@@ -198,7 +198,7 @@ TYPED_TEST(NearPairsOf, RoundingLosesNoPair) {
   }
 }
 
-/// The order that the world promises, sorted here from what the description says.
+/// The order that the world promises, sorted here from the description.
 TEST(NearPairs, NumbersAreThoseOfASortedList) {
   std::mt19937_64 random(5);
   for (int round = 0; round < 20; ++round) {

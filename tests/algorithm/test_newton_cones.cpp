@@ -66,7 +66,7 @@ void expect_minimisers() {
     Vector<M> u, R;
     draw<M>(random, u, R);
     const auto point = reaction(Friction<M>{}, u, R);
-    // The minimiser is what it is by its conditions: x in the cone, y = R x + u in its dual, x y = 0.
+    // The minimiser is given by its conditions: x in the cone, y = R x + u in its dual, x y = 0.
     long double x_t = 0, y_t = 0, product = 0, size = 0;
     long double y_n = 0;
     for (std::size_t k = 0; k < M; ++k) {

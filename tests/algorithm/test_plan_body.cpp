@@ -43,8 +43,8 @@ struct BodyPlan {
       const StructureView s = structure_of(batch, env);
       SerialTeam alone;
       const bool sparse = path_of(alone, s) == EnvPath::sparse;
-      // As long as promised and full of nonsense: what is read before it is written shows, and so does what lies
-      // behind.
+      // As long as promised and full of nonsense: reads before writes show, and so do writes behind
+      // it.
       std::vector<Index> scratch(sparse ? at(plan_scratch_elements(s.rows, s.cones, s.entry_span())) : 0, 0x7eadbeef);
       const Offset cone = batch.env_cone_offsets[env];
       const PlanTarget target{&path[at(env)],

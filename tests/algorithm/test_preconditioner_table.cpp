@@ -16,8 +16,8 @@ namespace {
 
 /// The tables of bench/results/methods.md, each number beside one that does not come from this library. Iterations
 /// stand beside those of tests/support/oracles/reference_gradients.hpp, blocks of factors beside an elimination on
-/// sets. Every machine counts the same iterations, for they follow from the bits. In short: what takes seconds without
-/// a fused multiply-add instruction.
+/// sets. Every machine counts the same iterations, for they follow from the bits. In short: tables that take seconds
+/// without a fused multiply-add instruction.
 struct TableRow {
   const char* scene;
   double compliance;

@@ -1,5 +1,5 @@
-// Projections onto semidefinite matrices: by hand, beside Eigen's eigenvalues in long double, and what every projection
-// onto a cone does.
+// Projections onto semidefinite matrices: by hand, beside Eigen's eigenvalues in long double, and the properties of
+// every projection onto a cone.
 #include "core/algorithm/sweep/semidefinite_projection.hpp"
 
 #include <gtest/gtest.h>

@@ -107,7 +107,7 @@ TEST(VelocityLanes, EveryWidthHasTheBitsOfASingleEnvironment) {
     }
 }
 
-// The residual in double is what a single-precision batch gets: rounding is a part of it.
+// A single-precision batch gets the residual in double: rounding is a part of it.
 TEST(VelocityLanes, StepsInDoubleSolveWhatSinglePrecisionGets) {
   JacobianBatch<float> batch(Law::convex);
   JacobianBatch<double> exact(Law::convex);
@@ -159,7 +159,7 @@ TEST(VelocityLanes, LikeEnvironmentsAreFound) {
   EXPECT_EQ((merge_items<4, DofSet>(members, cones, slots.data(), columns.data()).slots), 3);
 }
 
-// Rows of a large tree begin where they have entries: what is left out are exact zeros.
+// Rows of a large tree begin where they have entries: those left out are exact zeros.
 TEST(VelocityLanes, LargeSetsHaveTheBitsOfWords) {
   for (const MassForm form : {MassForm::matrix, MassForm::factor}) {
     const auto batch = unlike_chains<double>(Law::convex, form);

@@ -101,7 +101,7 @@ inline ContactBatch<double> contacts() {
   return batch;
 }
 
-/// `press`: how much deeper than the one before each contact is, beside what chance gives it [m].
+/// `press`: depth of each contact beyond the one before, beside its random depth [m].
 inline BodyBatch<double> thrown_bodies(std::uint64_t seed, double press) {
   BodyBatch<double> batch;
   for (std::uint64_t env = 0; env < 3; ++env) {

@@ -7,7 +7,7 @@
 
 static int failures = 0;
 
-/* Says what did not hold, and goes on. */
+/* Prints the condition that did not hold, and goes on. */
 #define STICTION_CHECK(condition)                                       \
   do {                                                                  \
     if (!(condition)) {                                                 \

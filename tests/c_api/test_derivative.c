@@ -23,7 +23,7 @@ static double loss_of(const double* A, const double* b, const double* R, const d
   return loss;
 }
 
-/* How the loss changes with one of the numbers, which is moved both ways and put back. */
+/* Change of the loss by one of the numbers, which is moved both ways and put back. */
 static double slope(double* number, const double* A, const double* b, const double* R, const double* start) {
   const double step = 1e-6, held = *number;
   double up, down;

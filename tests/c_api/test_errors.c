@@ -28,7 +28,7 @@ static void names(void) {
   free(whole);
 }
 
-/* Every argument separately: named, with its value and what to do. */
+/* Every argument separately: named, with its value and the remedy. */
 static void arguments(void) {
   stiction_solver* solver = NULL;
   stiction_batch_view batch;

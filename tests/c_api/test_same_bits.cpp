@@ -135,8 +135,8 @@ TEST(CSameBits, JacobianBatchesFromVelocities) {
   STICTION_OK_OR_SAY(stiction_jacobian_solver_destroy(solver));
 }
 
-/// Several batches through one handle. It has to see that a plan no longer holds, be it for the depths, which say what
-/// a capacity leaves out.
+/// Several batches through one handle. It has to see that a plan no longer holds, be it for the depths, by which a
+/// capacity leaves contacts out.
 void expect_same_bodies(bool boxed) {
   BodySolverOptions options;
   options.box_friction = boxed;

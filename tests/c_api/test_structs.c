@@ -69,7 +69,7 @@ static void presets(void) {
                        "locomotion");
 }
 
-/* A program compiled before max_iterations and what follows it: those bytes are not its options. */
+/* A program compiled before max_iterations and later fields: those bytes are not its options. */
 static void shorter_struct(void) {
   const size_t before = offsetof(stiction_solver_options, max_iterations);
   stiction_solver_options options;

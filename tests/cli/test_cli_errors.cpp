@@ -1,4 +1,4 @@
-// Errors that a user meets: one sentence on stderr that says what, exit status 2, nothing written.
+// Errors that a user meets: one sentence on stderr, exit status 2, nothing written.
 #include <gtest/gtest.h>
 #include <unistd.h>
 

@@ -95,7 +95,7 @@ TEST(Memory, UnderALimitTheLimitCounts) {
   const AddressLimit limit(5e8);
   EXPECT_EQ(with("3").status, 0);
   EXPECT_TRUE(is_refused(with("1000000"), {"at least 3.1 GB", "MB are free"}));
-  // 0.25 GB of state fit, and what a world has beside it does not.
+  // 0.25 GB of state fit, and a world's other arrays do not.
   EXPECT_TRUE(is_refused(with("76000"), {"out of memory; use a smaller batch"}));
 }
 

@@ -1,4 +1,4 @@
-// stiction scaling, and what solve and step say about their threads.
+// stiction scaling, and reports of solve and step on their threads.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-// Parts of a solve, and what joins them: the file of one call, byte for byte, or one sentence.
+// Parts of a solve, and their merge: the file of one call, byte for byte, or one sentence.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

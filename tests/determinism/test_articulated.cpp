@@ -60,7 +60,7 @@ std::array<double, 3> momentum_of(ArticulatedBatch<double>& robots, std::size_t 
   return sum;
 }
 
-/// The change of a robot's momentum in 0.2 s without ground and gravity: joints push what they are pushed by.
+/// The change of a robot's momentum in 0.2 s without ground and gravity: joints push both sides alike.
 double drift_of(double timestep) {
   ArticulatedDescription model = walker(false, true);
   model.timestep = timestep;

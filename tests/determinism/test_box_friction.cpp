@@ -1,4 +1,4 @@
-// Boxed friction: what its bits depend on, and which bits depend on it.
+// Boxed friction: the dependence of its bits, and bits that depend on it.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -95,7 +95,7 @@ TEST(BoxFriction, BitsOfPivotsDoNeither) {
 }
 
 TEST(BoxFriction, AFrictionConeBesideItHasTheBitsThatItHasWithoutIt) {
-  // Two islands in one environment, and the batch's other environments: what is boxed reaches neither.
+  // Two islands in one environment, and the batch's other environments: boxed cones reach neither.
   const ContactBatch<double> plain = ragged_batch(2, 5);
   ContactBatch<double> beside(plain.law());
   for (Offset e = 0; e < plain.env_count(); ++e) {

@@ -20,7 +20,7 @@ using namespace stiction::test;
 
 constexpr Offset kEnvs = 37;
 
-/// Environments of many sizes, their reactions, and what a loss says of them, environment by environment.
+/// Environments of many sizes, their reactions, and a loss's derivatives by them, environment by environment.
 template <class Real>
 struct Problem {
   ContactBatch<Real> batch;
@@ -260,7 +260,7 @@ TYPED_TEST(DerivativeBits, AreThoseOfTeamsOfEveryWidth) {
     }
 }
 
-/// Numbers and records of a derivative, as bytes one behind the other.
+/// Numbers and records of a derivative, as bytes one after another.
 template <class Derived>
 std::string bytes_of(const Derived& own) {
   std::string all;

@@ -84,7 +84,7 @@ TYPED_TEST(DerivativeOfContacts, HaveTheBitsOfOneByOne) {
     }
 }
 
-/// Robots of one kind go into packs, all but what is left over of a pack and what is out of the ordinary.
+/// Robots of one kind go into packs, all but the rest of a pack and unusual ones.
 TYPED_TEST(DerivativeOfContacts, AreFoundInPacks) {
   using Real = TypeParam;
   ContactBatch<double> doubles(Law::coulomb);

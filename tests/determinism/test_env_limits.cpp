@@ -9,7 +9,7 @@
 #include "tests/support/systems/scene_batches.hpp"
 #include "tests/support/systems/small_systems.hpp"
 
-/// Separate tolerance and iterations for every environment: each gets what a solve with those options gives it.
+/// Separate tolerance and iterations for every environment: each gets the result of a solve with those options.
 namespace stiction::test {
 namespace {
 
@@ -89,7 +89,7 @@ TEST(EnvLimits, TheLeastToleranceIsNotNoneInAPackEither) {
 }
 
 TEST(EnvLimits, AFreeRowThatItsReactionDoesNotMoveWeighsAlike) {
-  // A fuzzer's: reactions of 1e10 are rounded beyond what is allowed, which a pack did not see.
+  // A fuzzer's: reactions of 1e10 are rounded beyond the allowance, which a pack did not see.
   const auto env =
       system({free_row(), friction(2), free_row()},
              {-1.4e-45, -0.0566, 0, 0, 4e-31, 1.27, 0.114, 0, 0, 0.114, 1.047, -0.0264, 0, 0, -0.0264, 1.27},

@@ -323,7 +323,7 @@ Table entries() {
   return table;
 }
 
-/// A rounding mode and what happens to subnormals, as the caller has them.
+/// A rounding mode and the treatment of subnormals, as the caller has them.
 struct Modes {
   int rounding;
   unsigned flush;  ///< one of kFlushModes, or 0

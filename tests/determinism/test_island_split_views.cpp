@@ -18,7 +18,7 @@ using namespace stiction;
 using namespace stiction::test;
 using scenes::merge;
 
-/// Numbers beside the integers of a batch with room; what is not in use is NaN.
+/// Numbers beside the integers of a batch with room; unused ones are NaN.
 struct Roomy {
   Roomy(const ContactBatch<double>& packed, std::mt19937& random)
       : wide(with_room(packed.view(), random)), view(wide.view()) {

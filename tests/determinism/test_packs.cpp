@@ -37,7 +37,7 @@ Environment<double> cut(Environment<double> env) {
   return env;
 }
 
-/// The environment with couplings far beyond what its diagonal bears: its iterates grow until they are no numbers.
+/// The environment with couplings far beyond its diagonal: its iterates grow until they are no numbers.
 Environment<double> blown_up(Environment<double> env) {
   const auto n = env.b.size();
   for (std::size_t i = 0; i < n; ++i)
@@ -225,7 +225,7 @@ TYPED_TEST(Packs, PushTheFaintestChangeWhateverNeighboursDo) {
     const Offset only[] = {2};
     const ContactBatch<Real> one = gather<Real>(batch, only);
     const Solution<Real> alone = solve(one, o, Device::cpu(), std::span<const Real>(own));
-    const Real wanted = -one.arrays().b.at(1);  // what the guess had pushed, a sixteenth of it, is gone
+    const Real wanted = -one.arrays().b.at(1);  // the guess's push, a sixteenth of it, is gone
     EXPECT_LT(std::abs(alone.lambda.at(1) - wanted), wanted / 64);
     for (std::size_t e = 2; e < hashes.size(); e += 5) EXPECT_EQ(hashes[e], env_hashes(one, alone).at(0));
   }

@@ -136,7 +136,7 @@ TYPED_TEST(Poisoned, OneEnvironmentIsFlaggedAndNoOtherChangesABit) {
         const EnvStatus& status = solution.status[static_cast<std::size_t>(env)];
         EXPECT_EQ(status.iterations, 0);
         if (solver == SolverKind::lemke && poison.flag == kFlagBadDiagonal) {
-          // Pivoting takes any diagonal; what it does not take are the friction cones.
+          // Pivoting takes any diagonal; it does not take friction cones.
           EXPECT_EQ(status.code, EnvCode::unsupported);
           continue;
         }
@@ -245,10 +245,10 @@ std::vector<double> identity(std::size_t n) {
 }
 
 TYPED_TEST(Poisoned, WhatWasSolvedBeforeIsNotSeenWhereNumbersOverflow) {
-  // A worker's scratch holds what the environment before has left, and arithmetic that ends in NaN at once must not
-  // fall back on it. Both were found by fuzz_solve. The first step of admm was taken back to where no step had been. In
-  // a dictionary of lemke a pair was basic twice, and its variable entered again, from a column that none has. It
-  // shows where scratch holds other numbers every time (STICTION_NOISY_SCRATCH, scripts/sanitize.sh address).
+  // A worker's scratch holds the environment before, and arithmetic that ends in NaN at once must not fall back on it.
+  // Both were found by fuzz_solve. The first step of admm was taken back to where no step had been. In a dictionary of
+  // lemke a pair was basic twice, and its variable entered again, from a column that none has. It shows where scratch
+  // holds other numbers every time (STICTION_NOISY_SCRATCH, scripts/sanitize.sh address).
   using Real = TypeParam;
   constexpr bool kSingle = std::is_same_v<Real, float>;
   auto all = extremes(kSingle ? 1e-30 : 1e-250, kSingle ? 1e30 : 1e250);

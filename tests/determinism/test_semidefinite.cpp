@@ -1,4 +1,4 @@
-// Cones of semidefinite: what their bits depend on, and which bits depend on them.
+// Cones of semidefinite: the dependence of their bits, and bits that depend on them.
 #include <gtest/gtest.h>
 
 #include <vector>

@@ -86,7 +86,7 @@ TEST_P(Scenes, EnvironmentsDifferBySeedAndIndex) {
   EXPECT_NE(state_of(world, 0), state_of(started<double>(GetParam(), 1, {}, Device::cpu(), 1), 0));
 }
 
-/// Compares what two worlds show of their last step, bit for bit.
+/// Compares two worlds' last steps, bit for bit.
 template <class Real>
 void expect_same(const World<Real>& one, const World<Real>& other) {
   for (Offset env = 0; env < one.env_count(); ++env)

@@ -1,6 +1,6 @@
-// Consensus whose ranks do not wait for one another's rounds: what it answers, how old a letter may be, and how it
-// ends. Ranks have clocks of their own, so that who is late is the test's to say; once they are threads that run as
-// they like.
+// Consensus whose ranks do not wait for one another's rounds: its answers, the age of letters, and how it ends.
+// Ranks have clocks of their own, so that the test decides which are late; once they are threads that run as they
+// like.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -86,7 +86,7 @@ TEST(Asynchronous, ItsTwistsAreThoseOfSweeps) {
   ASSERT_EQ(one.status[0].code, EnvCode::solved);
   const BodySolution<double> many = on_clocks(batch, into(4), how, {1, 5.2, 1.1, 1}).solution;
   ASSERT_EQ(many.status[0].code, EnvCode::solved);
-  // Twists of a convex problem are unique; b is of size 1, and R bounds what 1e-7 of it can hide.
+  // Twists of a convex problem are unique; b is of size 1, and R bounds the error that 1e-7 of it can hide.
   EXPECT_LT(largest_difference(many.twist, one.twist), 1e-5);
 }
 

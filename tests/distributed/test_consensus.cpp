@@ -1,4 +1,4 @@
-// Consensus between subdomains: what it answers, and that its bits follow the number of subdomains and no other.
+// Consensus between subdomains: its answers, and that its bits follow the number of subdomains and no other.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -74,7 +74,7 @@ TEST(Consensus, UnderTheConvexLawItsTwistsAreThoseOfSweeps) {
     const BodySolution<double> many = by_consensus(batch, 1, parts_of(batch, subdomains), into(subdomains), how);
     SCOPED_TRACE(subdomains);
     ASSERT_EQ(many.status[0].code, EnvCode::solved);
-    // Twists of a convex problem are unique; b is of size 1, and R bounds what 1e-7 of it can hide.
+    // Twists of a convex problem are unique; b is of size 1, and R bounds the error that 1e-7 of it can hide.
     EXPECT_LT(largest_difference(many.twist, one.twist), 1e-5);
   }
 }

@@ -1,4 +1,4 @@
-// Newton's method over subdomains: what it answers, and that its bits follow the subdomains and no number of ranks.
+// Newton's method over subdomains: its answers, and that its bits follow the subdomains and no number of ranks.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -77,7 +77,7 @@ TEST(DomainNewton, UnderTheConvexLawItsTwistsAreThoseOfOneProcess) {
     const BodySolution<double> many = by_newton(batch, 2, into(subdomains), how);
     SCOPED_TRACE(subdomains);
     ASSERT_EQ(many.status[0].code, EnvCode::solved);
-    // Twists of a convex problem are unique, and R bounds what 1e-10 of b can hide.
+    // Twists of a convex problem are unique, and R bounds the error that 1e-10 of b can hide.
     EXPECT_LT(largest_difference(many.twist, one.twist), 1e-6);
   }
 }
@@ -146,7 +146,7 @@ TEST(DomainNewton, OverlapAndTheCoarseSpaceSaveIterations) {
   EXPECT_LT(both, 0.8 * overlap);
 }
 
-/// A column of spheres: sweeps find what opens, and cost little beside the steps that they save.
+/// A column of spheres: sweeps find opening contacts, and cost little beside the steps that they save.
 TEST(DomainNewton, FirstSweepsSaveSteps) {
   const BodyBatch<double> column = batch_of(scenes::make_body_column(1, 2, 5));
   const Case how = until(1e-6, Law::convex, 1e-5);

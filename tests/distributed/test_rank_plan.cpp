@@ -72,7 +72,7 @@ Graph random_graph(std::mt19937_64& random, Index bodies) {
   return graph;
 }
 
-/// `how`: what make_body_plan() takes beside the batch.
+/// `how`: make_body_plan()'s arguments beside the batch.
 BodyPlanData plan_of(const Graph& graph, const auto& how) {
   const Offset body_offsets[] = {0, graph.bodies}, contact_offsets[] = {0, static_cast<Offset>(graph.a.size())};
   const std::vector<double> depth(graph.a.size());

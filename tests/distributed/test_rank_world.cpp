@@ -345,7 +345,7 @@ TEST(RankWorld, ARankHoldsItsOwnBodiesAndThoseAtItsBorder) {
 }
 
 TEST(RankWorld, SharesBodiesOutAnewWhenTheyGather) {
-  // All go to the left; what began on the right has crossed every cut.
+  // All go to the left; those that began on the right have crossed every cut.
   Case scene = on_a_floor();
   for (int k = 0; k < 24; ++k)
     add(scene, {.kind = ShapeKind::sphere, .size = {0.1, 0, 0}}, {0.3 * k, 0.25 * k, 1},

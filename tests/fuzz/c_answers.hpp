@@ -8,7 +8,7 @@
 
 namespace stiction::fuzz {
 
-/// Requires what every call promises: a code of the list, never that of a fault of the library, and a text if it
+/// Requires the promises of every call: a code of the list, never that of a fault of the library, and a text if it
 /// failed.
 inline bool succeeded(stiction_code code) {
   require(code >= STICTION_OK && code <= STICTION_UNSUPPORTED, stiction_last_error());

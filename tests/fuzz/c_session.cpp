@@ -18,7 +18,7 @@ void destroy_one(Held<Handle>& held, Destroy destroy) {
   held.alive = false;
 }
 
-/// Puts what make(&handle) makes in the place of what was held.
+/// Replaces the held object by that of make(&handle).
 template <class Handle, class Destroy, class Make>
 void replace(Held<Handle>& held, Destroy destroy, Make make) {
   if (held.alive) destroy_one(held, destroy);

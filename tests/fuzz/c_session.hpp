@@ -9,7 +9,7 @@
 
 namespace stiction::fuzz {
 
-/// A handle and what it is: destroyed ones stay here, to be used again.
+/// A handle and its kind: destroyed ones stay here, to be used again.
 template <class Handle>
 struct Held {
   Handle* handle = nullptr;
@@ -40,7 +40,7 @@ class Session {
   CForm<stiction_jacobian_view> jacobians_ = jacobian_form<Real>();
   CForm<stiction_body_view> bodies_ = body_form<Real>();
   bool reached_[kEnvs] = {};                ///< environments of contacts_ that an edit reached
-  std::optional<Answers<Real>> untouched_;  ///< what the solver answered before any edit
+  std::optional<Answers<Real>> untouched_;  ///< the solver's answer before any edit
   Held<stiction_solver> solver_;
   Held<stiction_jacobian_solver> jacobian_solver_;
   Held<stiction_body_solver> body_solver_;

@@ -3,7 +3,7 @@
 #include "tests/fuzz/bytes.hpp"
 
 /// Each makes environments of a few bytes, most of them sound and one spoiled. It solves them together and one by one,
-/// and requires what docs/reference/determinism.md and docs/reference/data_layout.md promise.
+/// and requires the promises of docs/reference/determinism.md and docs/reference/data_layout.md.
 namespace stiction::fuzz {
 
 void check_contacts(Bytes& bytes);   ///< contact batches: A, b and cones

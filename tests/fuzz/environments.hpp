@@ -9,7 +9,7 @@
 
 namespace stiction::fuzz {
 
-/// One environment and what goes with it: its limits, and where to begin.
+/// One environment and its parts: its limits, and its start.
 template <class Real>
 struct Case {
   Environment<Real> environment;

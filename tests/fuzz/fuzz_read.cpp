@@ -20,7 +20,7 @@ void expect_result_or_refusal(Read read) {
   }
 }
 
-/// A batch, and what a caller does with it next.
+/// A batch, and a caller's next steps with it.
 void read_batch(const io::InputFile& file) {
   const io::Recording recording = io::read_any(file);
   const auto view = recording.batch.view();

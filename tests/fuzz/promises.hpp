@@ -59,7 +59,7 @@ double hidden_by_rounding(const ContactBatchView<Real>& batch, std::span<const R
 /// `solved` is checked by code that shares nothing with the solvers. The solver's own residual is rounded, and so is
 /// the other one, each by parts of the numbers that enter: hence a factor of two. It is a difference, too, of numbers
 /// some of whose roundings it does not see. Their hidden part is within the tolerance or reported: hence so many of
-/// them. Below the smallest normal number roundings are not parts of what is rounded.
+/// them. Below the smallest normal number roundings are not parts of the rounded number.
 template <class Real>
 void require_residuals(const ContactBatchView<Real>& batch, std::span<const Real> lambda,
                        std::span<const EnvStatus> status) {

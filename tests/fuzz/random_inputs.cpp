@@ -46,7 +46,7 @@ int main(int argc, char** argv) {
   const auto argument = [&](int k, long otherwise) { return argc > k ? std::atol(argv[k]) : otherwise; };
   const auto seed = static_cast<std::uint32_t>(argument(1, 1));
   const long first = argument(2, 0), count = argument(3, 50000);
-  std::signal(SIGILL, name_input);   // what a broken promise raises on x86,
+  std::signal(SIGILL, name_input);   // signal of a broken promise on x86,
   std::signal(SIGTRAP, name_input);  // and elsewhere
   for (number = first; number < first + count; ++number) {
     const std::vector<std::uint8_t> input = draw(seed, number);

@@ -8,7 +8,7 @@
 namespace stiction::fuzz {
 namespace {
 
-/// Bytes of what is read: a few of them more than any seed has.
+/// Bytes to read: a few more than any seed has.
 constexpr std::size_t kRoom = std::size_t{1} << 16;
 
 herr_t copy_object(hid_t from, const char* name, const H5L_info_t*, void* target) {

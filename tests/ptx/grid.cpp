@@ -18,7 +18,7 @@ constexpr std::size_t kStackBytes = std::size_t{1} << 20;
 /// As an H200 has them; few multiprocessors, so that teams have several environments each.
 constexpr std::size_t kBlockBytes = std::size_t{227} << 10;
 constexpr int kProcessors = 3;
-/// Turns in a row without anything else: what is waited for is never written.
+/// Turns in a row without anything else: the awaited number is never written.
 constexpr u64 kMostTurns = 1U << 20;
 
 cuda::DeviceFacts facts() {
@@ -44,7 +44,7 @@ class Stacks {
   }
 };
 
-/// Fast memory of a block, filled with what no program may rely on.
+/// Fast memory of a block, filled with bytes that no program may rely on.
 void* allocate_shared(std::size_t bytes) {
   void* const memory = cuda::allocate_guarded(bytes);
   if (memory == nullptr) throw Error(ErrorCode::out_of_memory, "PTX: no memory for a block's shared memory");

@@ -29,8 +29,8 @@ struct Wait {
   u32 from = 0;   ///< lane whose value it takes
 };
 
-/// The blocks of one launch, all at once, lane by lane in an order that a seed decides. Lanes change places at barriers
-/// only, so that what one wrote without a barrier is seen by some lanes and not by others.
+/// The blocks of one launch, all at once, lane by lane in an order that a seed decides. Lanes change places at
+/// barriers only, so that a write without a barrier is seen by some lanes and not by others.
 class Grid {
  public:
   Grid(Kernel& kernel, const cuda::LaunchShape& shape);
@@ -41,7 +41,7 @@ class Grid {
   /// Runs every lane to its end. \throws Error(device_failure)
   void run(const void* arguments);
 
-  /// Called by the lane that runs: lets others run until it need not wait; returns what it receives.
+  /// Called by the lane that runs: lets others run until it need not wait; returns the exchanged value.
   u32 wait(const Wait& wait);
   [[noreturn]] void fail(const Lane& lane, const std::string& what);
   [[nodiscard]] u64 barrier_address() const { return shape_.whole_device ? reinterpret_cast<u64>(barrier_) : 0; }
@@ -58,7 +58,7 @@ class Grid {
   /// Begins a trace of the launch, if it is to leave one.
   void begin_trace(const void* arguments);
   void resume(Thread& thread);
-  /// Lets those go on who wait with `thread`, if they are all here.
+  /// Releases lanes that wait with `thread`, if they are all here.
   void release(Thread& thread);
   void release_block(u32 block);
   void release_warp(Thread& thread);

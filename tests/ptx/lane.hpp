@@ -52,7 +52,7 @@ struct Lane {
   [[nodiscard]] u64 shared_offset(u64 address) const { return address - reinterpret_cast<u64>(shared); }
   /// Returns the block's dynamic shared memory, in the space of shared memory.
   [[nodiscard]] static u64 shared_symbol() { return 0; }
-  /// Half of the address of what a cooperative grid synchronises by; 0 where the launch is none.
+  /// Half of the address of a cooperative grid's barrier; 0 where the launch is none.
   [[nodiscard]] u32 grid_word(int half) const;
 
   /// Waits until every thread of the block waits here.
@@ -63,7 +63,7 @@ struct Lane {
   u32 shuffle_idx(u32 value, u32 source, u32 bounds, u32 mask);
   u32 reduce_or(u32 value, u32 mask);
   u32 reduce_add(u32 value, u32 mask);
-  /// Lets others run: this lane reads what one of them is to write.
+  /// Lets others run: this lane reads a number that one of them is to write.
   void spin();
   [[noreturn]] void leave();
   [[noreturn]] void trap();
@@ -75,15 +75,15 @@ struct Kernel {
   void (*enter)(Lane& lane, unsigned char** parameters);
   cuda::EmulatedKernel emulated;  ///< the kernel as the emulated device takes one
   std::vector<std::size_t> parameter_bytes;
-  u32 most_threads;        ///< of a block: what it was compiled for
+  u32 most_threads;        ///< of a block: the compiled limit
   bool is_serial = false;  ///< each lane is a team
   u64 launches = 0;
   u64 instructions = 0;  ///< executed by all lanes
 };
 
 /// Runs a launch as CudaApi would shape it. A misaligned address ends the process with a message, one outside of an
-/// allocation by a signal. \throws Error(device_failure) that names the lane and what it did wrong: a barrier that
-/// others never reach, a mask without the lane, a trap. A launch with more shared memory than there is does, too.
+/// allocation by a signal. \throws Error(device_failure) that names the lane and its fault: a barrier that others
+/// never reach, a mask without the lane, a trap. A launch with more shared memory than there is does, too.
 void launch(Kernel& kernel, const cuda::EmulatedLaunch& shape, const void* arguments);
 
 /// A kernel translated once more, so that its lanes leave traces.

@@ -37,7 +37,7 @@ template <class T>
 void store(u64 address, T value) {
   std::memcpy(reinterpret_cast<void*>(aligned(address, sizeof(T))), &value, sizeof(T));
 }
-/// Fills what no program may rely on.
+/// Fills memory with bytes that no program may rely on.
 inline void poison(unsigned char* memory, std::size_t bytes) {
   std::memset(memory, 0xcb, bytes);
 }

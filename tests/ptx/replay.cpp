@@ -27,7 +27,7 @@ void for_each_lane(u32 lanes, const F& f) {
 
 /// A lane before a piece that it has not executed.
 struct Cursor {
-  const u64* first = nullptr;  ///< what happens in the piece
+  const u64* first = nullptr;  ///< events in the piece
   const u64* piece = nullptr;  ///< the piece; where the trace ends, its end
   const u64* end = nullptr;
   std::vector<u32> place;  ///< positions of the calls that it is in, and of the piece; empty where the trace ends

@@ -26,7 +26,7 @@ Place place_of(const T* array, std::int64_t count, Memory memory) {
   return {begin, begin + static_cast<std::uint64_t>(count) * sizeof(T), memory};
 }
 
-/// Counts of what warps have issued.
+/// Counts of issued instructions of warps.
 struct Issued {
   std::uint64_t instructions = 0;
   std::uint64_t lanes = 0;  ///< the same, once for each lane that took part
@@ -35,7 +35,7 @@ struct Issued {
   std::array<std::uint64_t, kMemories> memory{};
   std::map<std::string, std::uint64_t> by_function;  ///< instructions, by mangled name
 
-  /// Share of lanes that took part in what was issued.
+  /// Share of lanes that took part in issued instructions.
   [[nodiscard]] double efficiency() const {
     return static_cast<double>(lanes) / 32.0 / static_cast<double>(instructions);
   }
@@ -45,7 +45,7 @@ struct Issued {
 /// Adds a launch. Lanes of a warp that are furthest behind go on: in the function that was called first, at the lowest
 /// position. All that are there go together. A lane at an instruction that waits for a mask of lanes stays until
 /// they wait, too.
-/// \throws std::runtime_error if lanes wait for what never comes.
+/// \throws std::runtime_error if lanes wait for an event that never comes.
 void replay(const TracedLaunch& launch, const std::vector<Place>& places, Issued& sum);
 
 }  // namespace stiction::ptx

@@ -21,8 +21,8 @@
 #include "tests/support/machines/device_jacobians.hpp"
 #include "tests/support/machines/on_engine.hpp"
 
-/// How much a GPU's warps issue and move for recorded robots: what makes a kernel slow and shows in no bit. A warp has
-/// 32 different environments, or teams of its lanes have one each. `STICTION_UPDATE_COUNTS=1` writes the table instead.
+/// Instructions and sectors of a GPU's warps for recorded robots: costs of a kernel that show in no bit. A warp has 32
+/// different environments, or teams of its lanes have one each. `STICTION_UPDATE_COUNTS=1` writes the table instead.
 namespace stiction::test {
 namespace {
 
@@ -119,7 +119,7 @@ constexpr Counted kCounted[] = {{"SolveVelocities<float", velocity_lane_places<f
                                 {"(stiction::EnvPath)1, float>", queue_places<float>},
                                 {"(stiction::Law)0, double>", queue_places<double>}};
 
-/// Counts what kernels with `part` in their names issue. Every event of every lane has its part in it.
+/// Counts the instructions of kernels with `part` in their names. Every event of every lane has its part in it.
 Issued replayed(const Recorded& recorded, const char* part) {
   Issued sum;
   std::uint64_t lanes = 0;

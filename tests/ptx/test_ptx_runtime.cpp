@@ -35,7 +35,7 @@ void launch_teams(const std::string& name, int lanes, u32* out, std::size_t shar
 }
 
 std::string mistake(const std::string& name, int lanes = 128) {
-  std::array<u32, 256> out{};  // what is waited for is zero
+  std::array<u32, 256> out{};  // the awaited number is zero
   try {
     launch_teams(name, lanes, out.data());
   } catch (const Error& error) {

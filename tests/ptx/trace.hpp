@@ -11,7 +11,7 @@ namespace stiction::ptx {
 struct TracedPiece {
   std::uint32_t instructions;
   std::uint32_t function;
-  std::uint32_t position;  ///< in its function, in an order in which all of a loop comes before what follows it
+  std::uint32_t position;  ///< in its function, in an order in which all of a loop comes before its successors
   std::uint32_t access;    ///< its first
 };
 
@@ -22,8 +22,8 @@ struct TracedCode {
   const std::uint32_t* access_bytes;  ///< of each place that loads from memory or stores to it
 };
 
-/// Events of a lane in the order of execution: a kind in the upper 16 bits, what it is of in the others. A piece
-/// follows what happened in it. A kind below these is an access of the piece by its number, with the address.
+/// Events of a lane in the order of execution: a kind in the upper 16 bits, its subject in the others. A piece follows
+/// its events. A kind below these is an access of the piece by its number, with the address.
 enum TraceKind : std::uint16_t {
   kTracePiece = 0xFFF0,  ///< its number
   kTraceCall,            ///< a function is entered

@@ -1,4 +1,4 @@
-"""Runs tools/record_mujoco.py on small models and reads what it wrote; what its tests share.
+"""Runs tools/record_mujoco.py on small models and reads its output; shared by its tests.
 
 Importing it raises unittest.SkipTest, and says why, where numpy, h5py or mujoco is missing.
 """

@@ -68,7 +68,7 @@ def shared_judge():
 
 
 class Order(Stiction):
-    """A solver whose answer depends on what stands before an environment, on the number of threads, or on the processor."""
+    """A solver whose answer depends on the environments before, on the number of threads, or on the processor."""
 
     by_place = by_threads = by_machine = 0.0
 
@@ -314,7 +314,7 @@ class Arena(unittest.TestCase):
         self.assertEqual(seen.count('class="curve"'), len(entered))
 
     def check_entering(self, found, out):
-        """The same answers from outside are judged the same; what does not fit is refused."""
+        """The same answers from outside are judged the same; those that do not fit are refused."""
         sets, answers = self.folder / "given", self.folder / "answers"
         arena.main(["sets", STICTION, str(sets), "--quick", "--seed", "5", "--data", str(self.folder), "--environments", "3"])
         (answers / "generated").mkdir(parents=True)

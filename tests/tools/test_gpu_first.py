@@ -170,7 +170,7 @@ class Plan(unittest.TestCase):
 
 
 class Pack(unittest.TestCase):
-    """run.sh with a program that says what it was called with, and the manifest."""
+    """run.sh with a program that prints its arguments, and the manifest."""
 
     PROGRAM = """#!/bin/sh
 [ "$1" = --list ] && exit 0

@@ -23,7 +23,7 @@ class OneBall(Recording):
     def test_the_delassus_operator_of_a_ball_on_a_plane_is_what_mechanics_says(self):
         e = self.first_environment(BALL.format(condim=3))
         # 1/m along the normal. Across it d^2 / I is on top, I = 2/5 m r^2. d is the contact point's distance from the
-        # centre: r less half the penetration. It is 0.1 mm and what one step of free fall adds at most.
+        # centre: r less half the penetration. It is 0.1 mm and at most the fall of one step.
         deepest = 1e-4 + 9.81 * 0.002**2
         self.assertAlmostEqual(e["A"][0, 0], 1 / 2, places=12)
         self.assertGreater(e["A"][1, 1], 1 / 2 + (0.1 - deepest / 2)**2 / (0.4 * 2 * 0.1**2))

@@ -62,7 +62,7 @@ TEST(CudaGraph, ACapturedSolveIsReplayedWithOtherNumbersContactsAndCounts) {
     SolverOptions options;
     options.solver = kind;
     options.max_iterations = 24;
-    options.law = Law::coulomb;  // what is captured has a law before it has a batch
+    options.law = Law::coulomb;  // captured work has a law before it has a batch
     options.invalid = InvalidPolicy::isolate;
     const Solver solver(*device, options, room);
     cuda::CudaApi api(device->ordinal);

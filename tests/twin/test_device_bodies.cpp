@@ -10,7 +10,7 @@
 #include "stiction/error.hpp"
 #include "tests/support/machines/body_methods.hpp"
 
-/// Bodies on the emulated device: what the GPU's host code queues gives the CPU's bits.
+/// Bodies on the emulated device: the work that the GPU's host code queues gives the CPU's bits.
 namespace stiction::test {
 namespace {
 

@@ -12,7 +12,7 @@
 #include "tests/support/systems/roomy_jacobians.hpp"
 #include "tests/support/systems/velocity_cases.hpp"
 
-/// A captured solve of J and M by `auto`: what follows Newton's method in velocities is behind one condition. It is
+/// A captured solve of J and M by `auto`: the work after Newton's method in velocities is behind one condition. It is
 /// done if that has left an environment, and left out otherwise.
 namespace stiction::test {
 namespace {
@@ -165,7 +165,7 @@ TEST(DeviceCondition, AnotherSolverAlwaysSolves) {
   expect_all(own.view, own.answer, batch.view(), solve(batch, chosen));
 }
 
-/// The launch that fails may be before the condition, in what is behind it, or the condition itself.
+/// The launch that fails may be before the condition, in the work behind it, or the condition itself.
 TEST(DeviceCondition, ACaptureThatFailsLeavesTheStreamsFree) {
   const Pool pool;
   const JacobianBatch<float> batch = batch_with_left(pool, {1});

@@ -20,7 +20,7 @@
 namespace stiction::test {
 namespace {
 
-/// A batch with its reactions, and what a loss says of them in two sets.
+/// A batch with its reactions, and a loss's derivatives by them in two sets.
 template <class Real>
 struct Problem {
   ContactBatch<Real> batch;
@@ -261,7 +261,7 @@ TEST(DeviceDerivative, SweepsOfAnEnvironmentThatIsBrokenOrTooLargeLeaveTheOthers
     }
 }
 
-/// Room that a graph holds does not move: what needs more is refused, in the capture and behind it.
+/// Room that a graph holds does not move: calls that need more are refused, in the capture and behind it.
 TEST(DeviceDerivative, RoomForSweepsAndRelaxedReactionsIsMadeBeforeACapture) {
   const Problem<double> problem(mixed(Law::coulomb));
   const auto view = problem.batch.view();

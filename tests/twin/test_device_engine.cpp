@@ -9,7 +9,7 @@
 #include "tests/support/machines/on_engine.hpp"
 #include "tests/support/sanitizers.hpp"
 
-/// The GPU's host code and kernels on the emulated device: what it queues, in any order the streams allow, gives the
+/// The GPU's host code and kernels on the emulated device: queued work, in any order the streams allow, gives the
 /// CPU's bits.
 namespace stiction::test {
 namespace {
@@ -23,7 +23,7 @@ SolverOptions quick(SolverKind solver) {
   return options;
 }
 
-/// Every solver and the fallback chain in one precision; what is costly on all but the largest.
+/// Every solver and the fallback chain in one precision; costly ones on all but the largest.
 template <class Real>
 void expect_the_cpus_bits_of_every_solver() {
   cuda::EmulatedDevice device({2, 3, 11});

@@ -22,7 +22,7 @@ struct Call {
   Solution<float> answer;
 
   Call() {
-    options.max_iterations = 2;  // what is queued does not depend on them
+    options.max_iterations = 2;  // queued work does not depend on them
     options.invalid = InvalidPolicy::isolate;
     options.threads = 1;
     const auto rows = static_cast<std::size_t>(batch.row_count());

@@ -33,7 +33,7 @@ struct Seen {
   bool is_grid[kWidth] = {};
 };
 
-/// Everything a team offers, many times over; each lane reads what all others wrote before the barrier.
+/// Everything a team offers, many times over; each lane reads all others' writes before the barrier.
 struct LookAround {
   struct Args {
     Seen* seen;
@@ -83,7 +83,7 @@ Seen alone() {
   return seen;
 }
 
-/// Records of what lanes of a launch for the whole device saw, and how often they fetched.
+/// Records of the values seen by lanes of a launch for the whole device, and of their fetches.
 struct Look {
   Seen seen;
   Offset fetched = 0;
@@ -152,7 +152,7 @@ void expect_the_cpus_bits_of_a_giant(SolverKind solver, Law law) {
 
 class Giants : public testing::TestWithParam<SolverKind> {};
 
-// Which lane does what does not depend on how law and precision are paired; test_device_engine.cpp has every pair.
+// The work of a lane does not depend on how law and precision are paired; test_device_engine.cpp has every pair.
 TEST_P(Giants, HaveTheCpusBitsInSinglePrecision) {
   if (kSanitizer && !kThreadSanitizer) GTEST_SKIP() << "the address sanitizer sees the larger memory of the double one";
   expect_the_cpus_bits_of_a_giant<float>(GetParam(), Law::convex);

@@ -305,7 +305,7 @@ TEST(DeviceJacobian, ACapturedSolveIsReplayedWithOtherNumbersAndCounts) {
       for (const std::uint64_t step : {3, 4, 7, 2, 1}) {
         SCOPED_TRACE("step " + std::to_string(step));
         const auto batch = random_batch<float>(step, {});
-        // The law is part of what is captured, as options are.
+        // The law is part of the captured work, as options are.
         auto packed = batch.view();
         packed.law = view.law;
         const auto expected = solve(packed, some_iterations<float>());

@@ -19,7 +19,7 @@ namespace {
 constexpr Capacity kRoom{
     .envs = 0, .rows = 0, .cones = 0, .nonzeros = 0, .env_rows = 40, .env_nonzeros = 0, .env_dofs = 9};
 
-/// A batch with its reactions, and two sets of what is pulled back and of what is pushed forward.
+/// A batch with its reactions, and two sets to pull back and to push forward.
 template <class Real>
 struct Problem {
   JacobianBatch<Real> batch;

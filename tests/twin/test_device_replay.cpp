@@ -48,7 +48,7 @@ TEST(DeviceReplay, OneGraphAnswersWhateverBatchIsInItsPlace) {
     for (Offset& env : order) env = static_cast<Offset>(random() % static_cast<std::uint64_t>(source.env_count()));
     return gather(source, std::span<const Offset>(order));
   };
-  // Room for twice what a first draw takes; no draw of this many comes near it.
+  // Room for twice the need of a first draw; no draw of this many comes near it.
   Capacity room = Capacity::of(draw().view());
   const Capacity largest = Capacity::of(source.view());
   room.rows *= 2;

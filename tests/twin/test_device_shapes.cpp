@@ -126,8 +126,8 @@ std::shared_ptr<CountingDevice> queue_jacobians(Offset envs, Index rows, Index d
   return device;
 }
 
-/// Counted by hand, of what is behind no condition: Newton's method in velocities has one to four launches here. One
-/// counts environments before it, and one looks for what it has left. One sets the condition, and one writes.
+/// Counted by hand, for the work behind no condition: Newton's method in velocities has one to four launches here. One
+/// counts environments before it, and one looks for its leftovers. One sets the condition, and one writes.
 TEST(DeviceShapes, AGraphOfASolvedBatchOfJacobiansHasFewLaunches) {
   for (const auto& [rows, dofs] : {std::pair{42, 35}, {12, 27}, {19, 18}, {29, 22}})
     for (const Offset envs : {1024, 4096, 16384})

@@ -95,7 +95,7 @@ TEST(DeviceTrace, DeviceSpansLieOnTheHostsClock) {
 TEST(DeviceTrace, ADeviceBatchsSpansComeWhenItIsWaitedFor) {
   const ContactBatch<float> batch = convert<float>(ragged_batch(3, 5));
   Tracer tracer;
-  // The last solve is done when the solver goes, so what it writes to outlives it.
+  // The last solve is done when the solver goes, so its outputs outlive it.
   Solution<float> answer = room_for(batch);
   {
     const Solver solver(Device::emulated(), traced(&tracer));

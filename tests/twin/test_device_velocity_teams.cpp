@@ -113,7 +113,7 @@ TEST(VelocityTeams, HaveTheBitsOfOneLane) {
     }
 }
 
-/// A lane that dawdles behind a barrier shows where another reads what it has yet to write.
+/// A lane that dawdles behind a barrier shows where another reads a number that it has yet to write.
 TEST(VelocityTeams, HaveThemAtAnyPace) {
   JacobianBatch<float> batch(Law::convex);
   for (const Index dofs : {2, 4, 9}) batch.add(cast<float>(random_chain({10, dofs})));
@@ -145,7 +145,7 @@ TEST(VelocityTeams, StepInDoubleWhereSinglePrecisionEnds) {
   Setting<float> setting;
   setting.in_double = true;
   const auto found = solve_by_teams(batch, setting, 1e-7);
-  // One lane tries what ends without an answer once more, in single precision.
+  // One lane tries environments without an answer once more, in single precision.
   for (std::size_t env = 0; env < found.answered.size(); ++env)
     EXPECT_EQ(found.answered[env], expected.answered[env] == kAnswered ? kAnswered : kTriedInDouble) << env;
 }

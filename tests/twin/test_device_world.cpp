@@ -11,8 +11,8 @@
 #include "tests/support/bits.hpp"
 #include "tests/support/systems/worlds.hpp"
 
-/// Worlds on the emulated device. The tests see what is launched and copied in a step, in any order the device may
-/// choose, and what happens when it fails. Whole steps of all scenes: tests/determinism/test_worlds.cpp.
+/// Worlds on the emulated device. The tests see the launches and copies of a step, in any order the device may choose,
+/// and their failures. Whole steps of all scenes: tests/determinism/test_worlds.cpp.
 namespace stiction::test {
 namespace {
 

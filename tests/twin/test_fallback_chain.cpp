@@ -186,7 +186,7 @@ TEST(FallbackChain, OnSparseEnvironmentsGradientsComeBeforeWhatFactorises) {
   EXPECT_EQ(way_of(seen), Way{jacobi});
 }
 
-/// A row of boxes, each of which holds the next: sparse enough for gradients to come before what factorises.
+/// A row of boxes, each of which holds the next: sparse enough for gradients to come before factorisations.
 ContactBatch<double> long_row(Index rows) {
   const auto n = static_cast<std::size_t>(rows);
   std::vector<double> A(n * n, 0.0);

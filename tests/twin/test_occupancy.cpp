@@ -12,8 +12,8 @@
 #include "tests/support/count_table.hpp"
 #include "tests/support/machines/counting_device.hpp"
 
-/// How much of a GPU a batch of recorded robots keeps at work. Nothing is executed: it follows from shapes, memory and
-/// registers. `STICTION_UPDATE_COUNTS=1` writes the table instead.
+/// Share of a GPU that a batch of recorded robots keeps at work. Nothing is executed: it follows from shapes, memory
+/// and registers. `STICTION_UPDATE_COUNTS=1` writes the table instead.
 namespace stiction::test {
 namespace {
 

@@ -62,7 +62,7 @@ struct BaselineMemory {
 };
 
 inline constexpr Index kBaselineConeRows = 6;
-/// Calls f(row) for the rows of a cone, with a number of turns that the compiler knows: what is by row stays in
+/// Calls f(row) for the rows of a cone, with a number of turns that the compiler knows: numbers by row stay in
 /// registers.
 template <class F>
 STICTION_HD void each_row(Index first, Index rows, F&& f) {
@@ -125,7 +125,7 @@ STICTION_HD void apply(const ConeResponse& cone, const float* mu, Index rows, co
   });
 }
 
-/// One environment: until H's norm of the next step is `tolerance` times M's norm of what reactions changed.
+/// One environment: until H's norm of the next step is `tolerance` times M's norm of the reactions' change.
 template <class Block>
 STICTION_HD void solve_baseline(Block& block, const BaselineBatch& batch, const BaselineAnswer& answer, Offset env,
                                 float tolerance, float* memory) {
@@ -221,7 +221,7 @@ STICTION_HD void solve_baseline(Block& block, const BaselineBatch& batch, const 
         float sum = -own.q[i];
         for (Index r = 0; r < rows; ++r) sum = std::fma(J[r * n + i], own.x[r], sum);
         own.H[n * own.pitch + i] = sum;
-        own.Mp[i] = sum;  // what p is multiplied by for the slope at the start
+        own.Mp[i] = sum;  // factor of p for the slope at the start
       }
     });
     // H = L L', and the last row becomes L^-1 times the right-hand side.

@@ -19,7 +19,7 @@ namespace {
 
 /// The loosest at which nineteen of twenty recorded environments have a residual of at most 1e-4.
 constexpr float kTolerance = 2e-5F;
-/// Limits on velocities, as a share of what reactions change them by, and on the residual's 95th percentile.
+/// Limits on velocities, as a share of their change by reactions, and on the residual's 95th percentile.
 constexpr double kMostApart = 1e-4, kMostApartMedian = 1e-5, kMostResidual = 1e-4;
 constexpr Offset kSizes[] = {1024, 4096, 16384, 65536};
 
@@ -137,7 +137,7 @@ double quantile(std::vector<double> numbers, double share) {
   return numbers[static_cast<std::size_t>(share * static_cast<double>(numbers.size() - 1))];
 }
 
-/// How far answers to a case are from the library's at a hundredth of the tolerance, environment by environment.
+/// Distance of answers to a case from the library's at a hundredth of the tolerance, environment by environment.
 void judge(Report& report, const RobotCase& robot, const Answer& answer, const std::string& start) {
   const auto batch = robot.jacobians.view();
   const auto expected = solve(batch, RobotSolve(RobotForm::jacobian, SolverKind::automatic, 1e-6).options);

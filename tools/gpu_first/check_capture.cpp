@@ -11,7 +11,7 @@
 #include "tools/gpu_first/arrays.hpp"
 #include "tools/gpu_first/check.hpp"
 
-/// Captures and what goes on at once; the same solve many times; many environments.
+/// Captures and concurrent calls; the same solve many times; many environments.
 namespace stiction::gpu_first {
 
 namespace {
@@ -20,7 +20,7 @@ using test::env_hashes;
 
 SolverOptions few_sweeps(SolverKind solver, Index most) {
   SolverOptions options = test::options(solver, 1e-6, most);
-  options.law = Law::coulomb;  // what is captured has a law before it has a batch
+  options.law = Law::coulomb;  // captured work has a law before it has a batch
   options.invalid = InvalidPolicy::isolate;
   options.threads = 0;
   return options;
@@ -96,7 +96,7 @@ std::uint64_t hash_of_answer(const test::JacobianAnswer<float>& answer) {
   return joined(Hashes{hash_of(answer.lambda), hash_of(answer.w), hash_of(answer.velocity), status.value()});
 }
 
-/// One graph of `auto` on J and M, in which what follows Newton's method in velocities is behind a condition.
+/// One graph of `auto` on J and M, in which the work after Newton's method in velocities is behind a condition.
 void capture_leftovers(Report& report) {
   JacobianBatch<float> batch(Law::convex);
   for (std::uint64_t seed = 1; seed <= (report.setting().full ? 400U : 6U); ++seed)

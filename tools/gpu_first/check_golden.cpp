@@ -5,7 +5,7 @@
 #include "tests/support/machines/every_solver.hpp"
 #include "tools/gpu_first/check.hpp"
 
-/// The golden table, which is of no machine: what every one must answer within one numerics epoch.
+/// The golden table, which is of no machine: the answers of every one within one numerics epoch.
 namespace stiction::gpu_first {
 
 namespace {

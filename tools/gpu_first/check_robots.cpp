@@ -53,7 +53,7 @@ bool all_repeat(const Hashes& all, const Hashes& once) {
   return !all.empty();
 }
 
-/// A solve, and what the CPU answers: cold, warm.
+/// A solve, and the CPU's answers: cold, warm.
 struct Expected {
   RobotSolve how;
   Hashes expected[2];

@@ -5,7 +5,7 @@
 
 #include "tools/gpu_first/check.hpp"
 
-/// Checks that go wrong, each in its way: what the program itself is tried with. They run where --only names them.
+/// Checks that go wrong, each in its way, to try the program itself. They run where --only names them.
 namespace stiction::gpu_first {
 
 namespace {

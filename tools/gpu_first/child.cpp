@@ -17,7 +17,7 @@ namespace stiction::gpu_first {
 
 namespace {
 
-constexpr std::size_t kKept = 2000;  ///< characters of what was printed
+constexpr std::size_t kKept = 2000;  ///< characters of the output
 constexpr int kPollMs = 20;
 
 /// Text that a pipe brings: its end, and each whole line.
@@ -56,7 +56,7 @@ Ending run_child(const std::vector<std::string>& command, double limit_s,
   const pid_t child = fork();
   if (child < 0) throw Error(ErrorCode::io, "no process can be made: end some");
   if (child == 0) {
-    // A group of its own, so that what it starts ends with it; and it ends where this process does.
+    // A group of its own, so that its children end with it; and it ends where this process does.
     setpgid(0, 0);
     prctl(PR_SET_PDEATHSIG, SIGKILL);
     dup2(ends[1], STDOUT_FILENO);

@@ -6,12 +6,12 @@
 
 namespace stiction::gpu_first {
 
-/// How a process ended.
+/// End of a process.
 struct Ending {
   enum class Kind { exited, signalled, out_of_time } kind = Kind::exited;
   int number = 0;       ///< exit status, or signal
   double seconds = 0;   ///< wall clock
-  std::string printed;  ///< the last of what it printed on either stream
+  std::string printed;  ///< end of its output on either stream
 };
 
 /// Runs a program, and kills it once `limit_s` are over. Calls `hear` with each line that it prints, at once.

@@ -27,7 +27,7 @@ struct Clocks {
   int sink;  ///< keeps the compiler from leaving the chain out
 };
 
-/// Clocks of `step`, repeated; `x` is what each step depends on.
+/// Clocks of `step`, repeated; each step depends on `x`.
 template <class Step>
 __device__ void measure(Clocks* out, int x, Step&& step) {
   x = step(x);
@@ -200,7 +200,7 @@ class Bench {
   }
 
  private:
-  /// Microseconds of what `queue` queues.
+  /// Microseconds of the work that `queue` queues.
   template <class F>
   double timed(F&& queue) {
     STICTION_CUDA_TRY(cudaEventRecord(from_, stream_));

@@ -6,11 +6,11 @@
 //             [--write-hashes FILE] [--plan minutes]
 //
 // --list names the checks. --plan minutes runs the phases of plan.hpp. Each has its share of --seconds (470 by
-// default). A summary follows, which repeats what the program was said to be made of.
+// default). A summary follows, which repeats the program's sources as it was told them.
 //
-// Answers are compared with the CPU's, and with the hashes that are committed beside this file. --device ptx runs what
-// nvcc made of the kernels on the CPU (STICTION_EMULATED_KERNELS names the library): a rehearsal. --device cpu compares
-// the CPU with the committed hashes alone. Exit status 0: all is right; 1: something is not; 2: usage.
+// Answers are compared with the CPU's, and with the hashes that are committed beside this file. --device ptx runs
+// nvcc's code of the kernels on the CPU (STICTION_EMULATED_KERNELS names the library): a rehearsal. --device cpu
+// compares the CPU with the committed hashes alone. Exit status 0: all is right; 1: something is not; 2: usage.
 
 #include <fcntl.h>
 

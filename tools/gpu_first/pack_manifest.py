@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The manifest of a pack for a machine with a GPU (scripts/pack_for_gpu.sh): what it was made of and what is in it.
+"""The manifest of a pack for a machine with a GPU (scripts/pack_for_gpu.sh): its sources and contents.
 
     pack_manifest.py sources                           the digest of the sources here
     pack_manifest.py write FOLDER [--sources DIGEST] [--note TEXT ...]

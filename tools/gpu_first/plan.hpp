@@ -6,7 +6,7 @@
 namespace stiction::gpu_first {
 
 /// Checks that have a share of the time. A phase ends when all phases up to it should have ended, so that it also has
-/// what those before it did not need. Checks that have not begun then are left out.
+/// their unused time. Checks that have not begun then are left out.
 struct Phase {
   const char* name;
   double seconds;
@@ -14,7 +14,7 @@ struct Phase {
   const char* skip;  ///< beginnings of names that do not
 };
 
-/// The first eight minutes on a GPU, what tells most first.
+/// The first eight minutes on a GPU, the most telling checks first.
 inline constexpr Phase kMinutes[] = {
     {"device", 8, "device", ""},
     {"hashes", 34, "hash/", ""},

@@ -41,11 +41,11 @@ class Report {
   /// Returns true if everything so far was as it should be.
   [[nodiscard]] bool good() const { return good_; }
 
-  /// Compares what the CPU answers with what the device answers and with the hash that is committed. `describe` says
-  /// what the item is that differs first.
+  /// Compares the CPU's answers with the device's and with the hash that is committed. `describe` names the first item
+  /// that differs.
   void compare(const std::string& part, const std::function<Hashes()>& here, const std::function<Hashes()>& there,
                const std::function<void(JsonLine&, std::size_t)>& describe = {});
-  /// A result that is right or wrong by itself; `what` is empty or says what is wrong.
+  /// A result that is right or wrong by itself; `what` is empty or the fault.
   void judge(const std::string& part, const std::string& what);
   /// Numbers that are neither.
   void measured(const std::string& part, const std::function<void(JsonLine&)>& numbers);

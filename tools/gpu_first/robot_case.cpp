@@ -15,7 +15,7 @@ namespace {
 
 constexpr double kNear = 1e-6, kChange = 0.05;
 
-/// Compliances as MuJoCo's defaults give them: a share of what A has on the diagonal of a contact's normal row.
+/// Compliances as MuJoCo's defaults give them: a share of A's diagonal on a contact's normal row.
 std::vector<float> compliances(const Environment<double>& system) {
   constexpr double kShare = 0.05;
   std::vector<float> R;

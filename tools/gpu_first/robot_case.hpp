@@ -14,7 +14,7 @@ namespace stiction::gpu_first {
 /// Names: recorded robots, and piles of 64 contacts that are made here.
 inline constexpr const char* kRobots[] = {"g1", "humanoid", "leap_hand", "piles"};
 
-/// How a batch is given.
+/// Form of a batch.
 enum class RobotForm : unsigned char { jacobian, matrix };
 
 /// Environments, and the start of a warm solve of them. It is the answer of the same problem with each free velocity
@@ -22,7 +22,7 @@ enum class RobotForm : unsigned char { jacobian, matrix };
 struct RobotCase {
   std::string name;
   JacobianBatch<float> jacobians;
-  ContactBatch<float> matrices;              ///< what assemble() makes of them
+  ContactBatch<float> matrices;              ///< their batch by assemble()
   std::vector<float> velocities, reactions;  ///< warm starts
 
   [[nodiscard]] Offset env_count() const { return jacobians.env_count(); }

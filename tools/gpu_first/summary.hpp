@@ -6,7 +6,7 @@
 
 namespace stiction::gpu_first {
 
-/// A few lines that a person reads first: numbers that checks said, by subject, and what went wrong.
+/// A few lines that a person reads first: the checks' numbers, by subject, and failures.
 class Summary {
  public:
   static constexpr std::size_t kMostLines = 40;

@@ -27,7 +27,7 @@ class Target {
   [[nodiscard]] virtual bool carries(const cuda::KernelRef&) const { return true; }
   /// Writes the device's and its driver's description of themselves.
   virtual void describe(JsonLine& line) const = 0;
-  /// Captures what `queue` queues on the stream. The result launches it once more on that stream.
+  /// Captures the work that `queue` queues on the stream. The result launches it once more on that stream.
   virtual std::function<void()> capture(cuda::StreamHandle stream, const std::function<void()>& queue) = 0;
 };
 

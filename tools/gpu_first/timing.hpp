@@ -12,7 +12,7 @@ namespace stiction::gpu_first {
 struct Time {
   double median = 0, least = 0;
 };
-/// Time of what `queue` queues on the stream, as a graph that is launched `repeats` times. It is queued once before.
+/// Time of the work that `queue` queues on the stream, as a graph launched `repeats` times. It is queued once before.
 Time time_graph(Target& target, cuda::StreamHandle stream, int repeats, const std::function<void()>& queue);
 
 /// Nanoseconds as a person reads them.

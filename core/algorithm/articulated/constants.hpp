@@ -33,7 +33,7 @@ STICTION_HD Real held_mass_of(const Robots<Real>& robots, Index b) {
   return Real(robots.model.body[b].held_share) * mass_of(robots, b);
 }
 
-/// Inertia of a body about all axes, and what it has beyond that about the k-th of its further ones.
+/// Inertia of a body about all axes, and the excess about the k-th of its further ones.
 template <class Real>
 STICTION_HD Real round_inertia_of(const Robots<Real>& robots, Index b) {
   const auto& body = robots.model.body[b];

@@ -6,7 +6,7 @@
 /// they make (R. Featherstone, Rigid Body Dynamics Algorithms, 2008, chapter 5).
 namespace stiction::inline STICTION_ISA {
 
-/// Adds what a joint moves a body by, and how that changes because its axes move.
+/// Adds a joint's motion of a body, and its change by the motion of the axes.
 template <class Real>
 STICTION_HD void add_joint_motion(const Robots<Real>& robots, Index& dof, Twist<Real>& v, Twist<Real>& a) {
   const auto& work = robots.work;

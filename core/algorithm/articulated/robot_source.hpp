@@ -5,7 +5,7 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// How the solves of a lane's step went, its stages joined.
+/// Records of the solves of a lane's step, its stages joined.
 struct RobotRecord {
   double relative = 0.0, absolute = 0.0;
   std::uint32_t flags = 0;

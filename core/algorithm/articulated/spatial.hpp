@@ -52,12 +52,12 @@ STICTION_HD Twist<Real> momentum(const SpatialInertia<Real>& inertia, Real mass,
           add_product(cross(inertia.moment, v.linear), inertia.about, v.angular)};
 }
 
-/// Change of a motion that is fixed in what moves by v.
+/// Change of a motion that is fixed in a frame moving by v.
 template <class Real>
 STICTION_HD Twist<Real> cross_motion(const Twist<Real>& v, const Twist<Real>& a) {
   return {add_cross(cross(v.linear, a.angular), v.angular, a.linear), cross(v.angular, a.angular)};
 }
-/// Change of a force that is fixed in what moves by v.
+/// Change of a force that is fixed in a frame moving by v.
 template <class Real>
 STICTION_HD Twist<Real> cross_force(const Twist<Real>& v, const Twist<Real>& f) {
   return {cross(v.angular, f.linear), add_cross(cross(v.linear, f.linear), v.angular, f.angular)};

@@ -8,7 +8,7 @@
 /// Numbers of the robots in the lanes of a vector, one array for each quantity.
 namespace stiction::inline STICTION_ISA {
 
-/// The tree of a model's degrees of freedom: what M couples.
+/// The tree of a model's degrees of freedom: pairs coupled by M.
 using RobotTree = DofTree<DofSet>;
 
 /// coupled[k]: the degree of freedom before k on the way to the root  (dof_count).
@@ -27,7 +27,7 @@ STICTION_HD void build_robot_tree(const ArticulatedModelView<T>& model, RobotTre
   build_tree<SerialTeam, 1, DofSet>(alone, tree, model.dof_count, coupled, nullptr, 0);
 }
 
-/// Takes arrays from memory, one behind the other at multiples of 64 bytes, or measures them where there is none.
+/// Takes arrays from memory, one after another at multiples of 64 bytes, or measures them where there is none.
 struct ArrayTaker {
   char* memory;
   Offset used = 0;
@@ -44,7 +44,7 @@ struct RobotWorkspace {
   using T = Scalar<Real>;
   using Numbers = LaneArray<Real, RealTraits<Real>::kLanes>;
 
-  Real *qpos, *qvel, *ctrl, *applied;   ///< state, and what acts on it
+  Real *qpos, *qvel, *ctrl, *applied;   ///< state, and forces on it
   Real *first_qpos, *first_qvel;        ///< where a step of several stages began
   Real* rate;                           ///< of coordinates, as its stages add them up      (dofs)
   Real *sum_rate, *sum_qacc;            ///< of its stages                                 (dofs)

@@ -14,7 +14,7 @@ struct SegmentInBox {
   T c[3], h[3], e[3];
 
   STICTION_HD T at(Index k, T t) const { return fma_(t, h[k], c[k]); }
-  /// How far the point at t lies beyond the faces of axis k, signed.
+  /// Returns the distance of the point at t beyond the faces of axis k, signed.
   STICTION_HD T beyond(Index k, T t) const {
     const T x = at(k, t);
     return x - clamp_(x, -e[k], e[k]);

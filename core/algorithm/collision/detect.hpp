@@ -3,7 +3,7 @@
 #include "core/algorithm/collision/collide.hpp"
 #include "core/algorithm/collision/near_pairs.hpp"
 
-/// Prepares a step: inverse inertias in world axes, what forces do to the twists, and the contacts.
+/// Prepares a step: inverse inertias in world axes, changes of the twists by forces, and the contacts.
 namespace stiction::inline STICTION_ISA {
 
 /// Manifolds of the pairs of one environment.
@@ -20,7 +20,7 @@ struct FoundManifolds {
       : manifold(static_cast<Manifold<Real>*>(memory)), first(reinterpret_cast<Index*>(manifold + pairs)) {}
 };
 
-/// All pairs of a small environment, with memory for what is found of them.
+/// All pairs of a small environment, with memory for their contacts.
 template <class Real>
 struct ListedPairs {
   MovingShape<Real>* shape;  ///< (shapes)

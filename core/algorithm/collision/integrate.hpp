@@ -2,7 +2,7 @@
 
 #include "core/algorithm/collision/detect.hpp"
 
-/// The second half of a step, and what may be said of a state (docs/howto/stepping.md).
+/// The second half of a step, and quantities of a state (docs/howto/stepping.md).
 namespace stiction::inline STICTION_ISA {
 
 template <class Real>

@@ -11,7 +11,7 @@
 ///
 /// The tree only spares tests: bounds_overlap() has the last word on every pair. Hence no rounding in the order of the
 /// shapes reaches a contact, and boxes may be larger than need be. They must not be too small: two shapes that pass
-/// bounds_overlap() have boxes that overlap. Let u be half an ulp of 1, and r what reach_of() computes, with half the
+/// bounds_overlap() have boxes that overlap. Let u be half an ulp of 1, and r the value of reach_of(), with half the
 /// margin. The test rounds a handful of times. On each axis the centres of such a pair are therefore at most (r_a +
 /// r_b) (1 + 16 u) + t apart. Underflow can hide t: the root of four of the smallest normal numbers, below 1e-18. A
 /// box goes r (1 + 64 u) + kUnderflow from the centre on both sides, so in exact numbers the ends overlap. Rounding is
@@ -50,7 +50,7 @@ STICTION_HD bool boxes_overlap(const Box3<Real>& a, const Box3<Real>& b) {
           static_cast<int>(a.low.z <= b.high.z) & static_cast<int>(b.low.z <= a.high.z)) != 0;
 }
 
-/// How far from its centre a shape matters to a shape that has such a distance, too.
+/// Distance from its centre at which a shape matters to a shape that has such a distance, too.
 template <class Real>
 STICTION_HD Real reach_of(const MovingShape<Real>& shape, Real margin) {
   return shape.bound + (shape.travel + Real(0.5) * margin);

@@ -3,7 +3,7 @@
 #include "core/algorithm/problem/cone_projection.hpp"
 #include "core/algorithm/problem/cone_shape.hpp"
 
-/// In which directions the reactions of a cone can follow a change, and what of its motion then stays zero
+/// Directions in which the reactions of a cone can follow a change, and the parts of its motion that then stay zero
 /// (docs/math/derivative.md). All is decided by the point z = a x - y that the natural map projects.
 namespace stiction::inline STICTION_ISA {
 

@@ -13,7 +13,7 @@ struct DerivativeScratch {
   double* E;                ///< how reactions follow the unknowns                 (n x kMaxConeRows)
   double* F;                ///< which motions stay zero                           (n x kMaxConeRows)
   double* D;                ///< of unknown k of a cone, at the cone's first row + k  (n)
-  double* seed;             ///< what is pulled back or pushed forward             (n)
+  double* seed;             ///< right-hand side pulled back or pushed forward     (n)
   double* nu;               ///< adjoint reaction, or change of the reaction       (n)
   double* image;            ///< product with A                                    (n)
   double* still;            ///< change of the motion while reactions rest         (n)

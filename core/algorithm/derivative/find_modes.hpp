@@ -31,7 +31,7 @@ STICTION_HD std::uint32_t row_flags(const EnvView<Real>& env, ConeKind kind, Ind
   return is_finite && is_valid ? 0U : static_cast<std::uint32_t>(kGradientInvalidInput);
 }
 
-/// A cone of the batch in the coordinates of the unit cone, at the reactions; adds to `flags` what forbids a solve.
+/// A cone of the batch in the coordinates of the unit cone, at the reactions; adds to `flags` reasons against a solve.
 template <class Shape, class Real, class Rows, class Reaction>
 STICTION_HD auto cone_point(Shape, const EnvView<Real>& env, const Rows& rows, const Reaction* lambda, const double* w,
                             Index cone, std::uint32_t& flags) {
@@ -56,7 +56,7 @@ STICTION_HD auto cone_point(Shape, const EnvView<Real>& env, const Rows& rows, c
   return point;
 }
 
-/// The error scale of a cone alone, in units of 1 / unit: what it has at b.
+/// The error scale of a cone alone, in units of 1 / unit: its error at b.
 template <class Real, class Rows>
 STICTION_HD double cone_error_at_rest(const EnvView<Real>& env, const Rows& rows, Index cone, double unit) {
   LargestResidual<double> own;

@@ -7,7 +7,7 @@
 /// natural map begins at the reactions of the exact one (docs/math/derivative.md, (22) to (27)).
 namespace stiction::inline STICTION_ISA {
 
-/// Scratch of one environment, with what the relaxed problem needs beside.
+/// Scratch of one environment, with the relaxed problem's arrays beside.
 struct RelaxedScratch : DerivativeScratch {
   double* lambda;    ///< relaxed reactions                               (n)
   double* kept;      ///< those before a step                             (n)
@@ -55,7 +55,7 @@ STICTION_HD double change_by_bounds(const RelaxedScratch& s, const JvpJob<Real>&
   return fma_(s.lo_share[i], lo, s.hi_share[i] * hi);
 }
 
-/// How far reactions are from the relaxed problem's.
+/// Distance of reactions from the relaxed problem's.
 struct RelaxedPoint {
   double square;  ///< sum of the squares of the smooth natural map
   double size;    ///< of the numbers that it is a difference of

@@ -17,7 +17,7 @@ struct ChainEnv : JacobianEnv<Tile> {
   static constexpr Offset kVectors = 5;
   Offset first_dof;
   Real* moved;     ///< p = M^-1 J' lambda                             (dofs)
-  Real* motion;    ///< what is solved for, then scratch               (dofs)
+  Real* motion;    ///< solution, then scratch                         (dofs)
   Real* change;    ///< M^-1 motion                                    (dofs)
   Real* moved_L;   ///< L' moved, of a factor that came as M           (dofs)
   Real* change_L;  ///< another product with L' or J'                  (dofs)

@@ -15,7 +15,7 @@ struct JacobianVjpWorkspace : VelocityWorkspace<Types> {
   double* slope_p;       ///< ReactionSlope::p; of a single row its slope          (rows; lanes)
   double* slope_q;       ///< ReactionSlope::q; of a single row -1 at lo, 1 at hi  (rows; lanes)
   double* nu;            ///< adjoint reaction                                      (rows; lanes)
-  double* image;         ///< what the loss says of the reactions, with what follows them  (rows; lanes)
+  double* image;         ///< cotangents of the reactions, with their followers  (rows; lanes)
   /// By cone, in units of a slot: normal, inverse, bend, 1 where it slides          (4 slots; lanes)
   double* slope_of_cone;
 

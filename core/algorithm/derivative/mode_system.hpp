@@ -155,13 +155,13 @@ STICTION_HD Truth true_on_all(TeamT& team, Truth mine) {
   }
 }
 
-/// How the solution of a set came out, by the numbers that are handed out.
+/// Quality of the solution of a set, by the returned numbers.
 template <class Wide>
 struct SolutionCheck {
   Wide residual;  ///< of the system relative to its right-hand side
   Mask<Wide> is_finite;
 };
-/// From what each lane of a team has seen: the largest residual and right-hand side of an unknown.
+/// Largest residual and right-hand side of an unknown, over each lane of a team.
 template <Team TeamT, class Wide>
 STICTION_HD SolutionCheck<Wide> check_solution(TeamT& team, Wide left, Wide right, Mask<Wide> is_finite) {
   const Wide residual = team.max(left), largest = team.max(right);

@@ -2,7 +2,7 @@
 
 #include "core/algorithm/derivative/cone_mode.hpp"
 
-/// How reactions of a compliant cone follow the motion z of its rows under the convex law, in lanes
+/// Slope of a compliant cone's reactions by the motion z of its rows under the convex law, in lanes
 /// (docs/math/derivative.md, (34) and (35)).
 namespace stiction::inline STICTION_ISA {
 

@@ -3,7 +3,7 @@
 #include "core/algorithm/derivative/cone_mode.hpp"
 
 /// A cone whose reaction and motion have products kappa in place of zero (docs/math/derivative.md, (22) to (27)). Its
-/// natural map becomes smooth, and what was a mode becomes a share between 0 and 1.
+/// natural map becomes smooth, and a mode becomes a share between 0 and 1.
 namespace stiction::inline STICTION_ISA {
 
 /// p(t) = (t + sqrt(t² + 4c)) / 2, smooth in place of max(t, 0), at t and at -t. p(t) p(-t) = c (Chen and Harker 1993,

@@ -17,13 +17,13 @@ STICTION_HD void put(Real* to, Offset at, double value) {
   if (to != nullptr) to[at] = canonical_zero(saturated<Real>(value));
 }
 
-/// put() of value times each number, which is finite. One loop over what lies in a row, so that it takes vectors.
+/// put() of value times each number, which is finite. One loop over a row's entries, so that it takes vectors.
 template <class Real>
 STICTION_HD void put_multiples(Real* to, double value, const Real* numbers, Index count) {
   for (Index k = 0; k < count; ++k) to[k] = canonical_zero(saturated<Real>(value * static_cast<double>(numbers[k])));
 }
 
-/// put() of a number that has the precision of what is stored.
+/// put() of a number that has the precision of the stored one.
 template <class Real>
 STICTION_HD Real stored(Real value) {
   constexpr double kEnd = sizeof(Real) == sizeof(float) ? static_cast<double>(__FLT_MAX__) : __DBL_MAX__;
@@ -43,7 +43,7 @@ STICTION_HD void write_record(TeamT& team, const DerivativeJob<Real>& job, Offse
 STICTION_HD double by_friction(double g, double lambda, double nu, double w_bar, double w, double mu) {
   return div_(fma_(g, lambda, (nu - w_bar) * w), mu);
 }
-/// A box row's cotangent by its bounds, from what follows changes of its reaction.
+/// A box row's cotangent by its bounds, from the followers of its reaction's changes.
 STICTION_HD double by_lo(const DerivativeScratch& s, Index i, ConeMode mode) {
   return mode == ConeMode::at_lo ? s.image[i] : 0.0;
 }
@@ -52,7 +52,7 @@ STICTION_HD double by_hi(const DerivativeScratch& s, Index i, ConeMode mode) {
 }
 
 /// Cotangents of the rows' numbers and of A, of a set whose adjoint reaction nu + w_bar is in `s.nu`. `image` holds
-/// what follows changes of the reactions that are not the unknowns'. All zeros where `refused`.
+/// followers of changes of the reactions that are not the unknowns'. All zeros where `refused`.
 template <Team TeamT, class Real, class Scratch>
 STICTION_HD void write_gradients(TeamT& team, const EnvView<Real>& env, const VjpJob<Real>& job, const Scratch& s,
                                  Offset set, bool refused) {

@@ -65,7 +65,7 @@ class VjpPack {
           const VjpWorkspace<Real, W>& workspace)
       : job_(job), envs_(envs), count_(count), slots_(slots), s_(workspace), n_(slots.rows()), modes_{workspace} {}
 
-  /// Writes what it can and marks that in `answered`.
+  /// Writes the environments it can, marked in `answered`.
   void run(std::uint8_t* answered) {
     load();
     find_motions();

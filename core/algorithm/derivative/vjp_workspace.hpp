@@ -5,8 +5,8 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// Scratch of W environments that are pulled back side by side. Numbers of all lanes lie beside each other, by the rows
-/// of VjpSlots; what is found of each environment alone lies apart.
+/// Scratch of W environments that are pulled back side by side. Numbers of all lanes lie beside each other, by the
+/// rows of VjpSlots; results of each environment alone lie apart.
 template <class Real, int W>
 struct VjpWorkspace {
   using Lanes = Pack<double, W>;
@@ -19,8 +19,8 @@ struct VjpWorkspace {
   Lanes* F;             ///< which motions stay zero                                    (n * kMaxConeRows)
   Lanes* D;             ///< 1 where a lane has no such unknown                         (n)
   Lanes* R;             ///<                                                            (n)
-  Lanes* given;         ///< reactions, then what the loss says of them                 (n)
-  Lanes* motion;        ///< their motion, then what the loss says of it                (n)
+  Lanes* given;         ///< reactions, then their cotangents                           (n)
+  Lanes* motion;        ///< their motion, then its cotangents                          (n)
   Lanes* nu;            ///< adjoint reaction                                           (n)
   Lanes* image;         ///< product with A'                                            (n)
   Lanes* K;             ///< the systems                                                (n * n)

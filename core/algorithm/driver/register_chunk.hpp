@@ -8,7 +8,7 @@
 /// below.
 namespace stiction::inline STICTION_ISA {
 
-/// How many cones the windows have room for.
+/// Cones that the windows have room for.
 inline constexpr Index kSmallWindow = 4;
 inline constexpr Index kLargeWindow = 6;
 

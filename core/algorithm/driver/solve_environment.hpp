@@ -79,7 +79,7 @@ STICTION_HD void advance_chunk(TeamT& team, System& s, const MethodParams<Real>&
   advance<Method, kLaw>(team, params, next_chunk<Method>(s, rule, progress));
 }
 
-/// One environment whose system is loaded, `flags` being what load_system() returned.
+/// One environment whose system is loaded, `flags` being load_system()'s result.
 template <class Method, Law kLaw, Team TeamT, class Real, class System>
 STICTION_HD void solve_loaded(TeamT& team, const EnvView<Real>& env, System& s, const MethodParams<Real>& params,
                               const StopRule& rule, std::uint32_t flags) {
@@ -94,7 +94,7 @@ STICTION_HD void solve_loaded(TeamT& team, const EnvView<Real>& env, System& s, 
     advance_chunk<Method, kLaw>(team, s, params, rule, progress);
 }
 
-/// One environment from its numbers to its status: what a GPU thread, a GPU block and a CPU core run.
+/// One environment from its numbers to its status: run by a GPU thread, a GPU block and a CPU core.
 template <class Method, Law kLaw, Team TeamT, class Real, class System>
 STICTION_HD void solve_environment(TeamT& team, const EnvView<Real>& env, System& s, const MethodParams<Real>& params,
                                    const StopRule& rule) {

@@ -5,8 +5,8 @@
 #include "core/algorithm/jacobian/delassus.hpp"
 #include "core/team/scan.hpp"
 
-/// A contact batch from a Jacobian batch whose integers were never checked: environments are counted, placed one
-/// behind the other, and written. The totals and which arrays are null are believed, nothing in the arrays is.
+/// A contact batch from a Jacobian batch whose integers were never checked: environments are counted, placed one after
+/// another, and written. The totals and which arrays are null are believed, nothing in the arrays is.
 namespace stiction::inline STICTION_ISA {
 
 /// Flags of an environment that gets neither A nor Y.
@@ -15,7 +15,7 @@ inline constexpr std::uint32_t kNotAssembled = kFlagOverCapacity | kFlagBadStruc
 /// Limit of an environment's rows, columns and entries.
 inline constexpr Offset kMostInUse = std::numeric_limits<Index>::max();
 
-/// How much is in use of part `at` of `total` things; -1 if the offsets or the count make no sense.
+/// Returns how much is in use of part `at` of `total` things; -1 if the offsets or the count make no sense.
 STICTION_HD Offset used_part(const Offset* offsets, const Index* counts, Offset at, Offset total) {
   const Offset begin = offsets[at], end = offsets[at + 1];
   if (begin < 0 || begin > end || end > total || end - begin > kMostInUse) return -1;
@@ -89,7 +89,7 @@ STICTION_HD bool is_answered(const JacobianArrays<Real>& arrays, Offset env) {
   return arrays.answered != nullptr && (arrays.answered[env] & kAnswered) != 0;
 }
 
-/// After Newton's method in velocities: what has its answer takes no room and has no rows.
+/// Runs after Newton's method in velocities: an answered environment takes no room and has no rows.
 template <class Real>
 STICTION_HD void leave_out_answered(const JacobianArrays<Real>& arrays, Offset env) {
   if (!is_answered(arrays, env)) return;
@@ -145,7 +145,7 @@ STICTION_HD void scan_envs(TeamT& team, const JacobianBatchJob<Real>& job) {
   });
 }
 
-/// Writes the offsets of an environment's rows, and b of what is not assembled.
+/// Writes the offsets of an environment's rows, and b of rows that are not assembled.
 template <Team TeamT, class Real>
 STICTION_HD void write_rows(TeamT& team, const JacobianBatchJob<Real>& job, Offset env) {
   const JacobianArrays<Real>& to = job.to;

@@ -5,14 +5,14 @@
 #include "core/team/phases.hpp"
 #include "stiction/jacobian.hpp"
 
-/// M = L L' and what is solved by it (docs/howto/jacobian.md). A product with a zero may be left out or not, whichever
-/// is faster. It could change the sign of a zero only, which reaches no other number, and neither A, Y nor velocities
+/// M = L L' and solutions by it (docs/howto/jacobian.md). A product with a zero may be left out or not, whichever is
+/// faster. It could change the sign of a zero only, which reaches no other number, and neither A, Y nor velocities
 /// keep it. This takes finite factors; those of L are checked, and any other is in a row that is flagged for it.
 namespace stiction::inline STICTION_ISA {
 
 /// A block-diagonal lower triangular matrix: one block makes it dense, blocks of one row make it a diagonal. The rows
 /// of a block lie in panels of Tile::kRows. A panel is stored column by column up to its last row's, entries of a
-/// column side by side. Below the diagonal is what a substitution multiplies by, the negative of the entry.
+/// column side by side. Factors of a substitution lie below the diagonal, the negative of the entry.
 template <class Tile>
 struct BlockTriangle {
   using Real = typename Tile::Real;

@@ -15,7 +15,7 @@ struct LinePoint {
 
 /// The step at which a convex function is smallest on a line, by Newton's method inside a bracket. look(alpha) returns
 /// its LinePoint, the same on every lane; `slope` is that at 0, below zero, of which the share `part` may be left.
-/// `noise` is what rounding makes of a slope that is zero.
+/// `noise` is the rounding of a slope that is zero.
 template <class Look>
 STICTION_HD double search_line(Look&& look, double slope, double part, double noise) {
   double before = 0.0;

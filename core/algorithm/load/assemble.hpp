@@ -46,7 +46,7 @@ STICTION_HD void assemble_full(TeamT& team, const EnvView<Real>& env, DenseSyste
       for (Index k = 0; k < kEdge; ++k) {
         const Index slot = static_cast<Index>(s.x[j + k]);
         const Real scale = s.best[slot];
-        // No pointer leads to what these read: a compiler sees that they may be read all at once.
+        // No pointer leads to these numbers: a compiler sees that they may be read all at once.
         Real column[kEdge];
         for (Index r = 0; r < kEdge; ++r) column[r] = entry(turned[k][r], of_row[r], scale);
         for (Index r = 0; r < kEdge; ++r) s.A[first + r + s.n * slot] = column[r];

@@ -2,10 +2,10 @@
 
 #include "core/algorithm/load/inspect.hpp"
 
-/// How far a loaded matrix is from symmetric.
+/// Distance of a loaded matrix from symmetry.
 namespace stiction::inline STICTION_ISA {
 
-/// max|A - A'| / max|A| of n rows or columns that lie one behind the other.
+/// max|A - A'| / max|A| of n rows or columns that lie one after another.
 template <Team TeamT, class Real, int kStride>
 STICTION_HD Real asymmetry(TeamT& team, Strided<Real, kStride> A, Index n) {
   Real largest(0);
@@ -57,7 +57,7 @@ STICTION_HD Real asymmetry(TeamT&, const FactorSystem<Real>&) {
   return Real(0);
 }
 
-/// How far A may be from symmetric for a method that minimises.
+/// Largest asymmetry of A for a method that minimises.
 inline constexpr float kLargestAsymmetry = 1e-2F;
 
 }  // namespace stiction::inline STICTION_ISA

@@ -17,7 +17,7 @@ inline constexpr std::uint32_t kHoldsRows = 1U << 31;
 template <class Real>
 struct Inspection {
   std::uint32_t flags;    ///< EnvFlag bits; any but kHarmlessFlags makes the input invalid
-  Real largest_b;         ///< max|b|, and what a box row without a reaction lacks [w]
+  Real largest_b;         ///< max|b|, and the lack of a box row without a reaction [w]
   Real largest_diagonal;  ///< max of diag(A) + R [w / lambda]
   bool holds_rows;        ///< held_rows() of some cone
 };
@@ -77,14 +77,14 @@ STICTION_HD_OUTLINE std::uint32_t look_at_flat(const EnvView<Real>& env, Index c
   return kHoldsRows | (is_asked_to_move(env, cone, held) ? kFlagImmovable : 0U);
 }
 
-/// How far a box row without a reaction is from its bounds [w].
+/// Distance of a box row without a reaction from its bounds [w].
 template <class Real>
 STICTION_HD Real lack_of(Real lo, Real hi, Real diagonal) {
   const Real lack = project_half_line(max_(lo, Real(0) - hi)) * diagonal;
   return select(and_(diagonal > Real(0), finite_(lack)), lack, Real(0));
 }
 
-/// look_at_flat() of all cones, for what has seen no more than that some diagonal is zero.
+/// look_at_flat() of all cones, if no more is known than that some diagonal is zero.
 template <class Real, class System>
 STICTION_HD_OUTLINE std::uint32_t look_at_flat_rows(const EnvView<Real>& env, const System& s) {
   std::uint32_t flags = 0;

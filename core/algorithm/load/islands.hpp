@@ -163,8 +163,8 @@ STICTION_HD_OUTLINE Real held_error(const EnvView<Real>& env, Index cone, Real s
   });
 }
 
-/// The scale that shares are of: the largest, or what the smallest one's share allows. Beyond that ratio the error of a
-/// small island would be weighed too little.
+/// The scale that shares are of: the largest, or the scale allowed by the smallest one's share. Beyond that ratio the
+/// error of a small island would be weighed too little.
 template <class Real>
 STICTION_HD Real within_reach(Real largest, Real ratio) {
   const Real reach(static_cast<Scalar<Real>>(kIdleIsland<Real>));
@@ -212,7 +212,7 @@ STICTION_HD void weigh_islands(TeamT& team, const EnvView<Real>& env, System& s,
   team.sync();
 }
 
-/// The shares by the batch's cones, for who knows no system.
+/// The shares by the batch's cones, for callers without a system.
 template <class Real>
 struct IslandShares {
   const Real* data;

@@ -123,8 +123,8 @@ STICTION_HD std::uint32_t unsupported_flags(const EnvView<Real>& env, const Syst
   return flags;
 }
 
-/// Starts the method on a system whose first iterate is recorded; it may first take from the environment what the
-/// system does not keep.
+/// Starts the method on a system whose first iterate is recorded; it may first take numbers from the environment that
+/// the system does not keep.
 template <class Method, Law kLaw, Team TeamT, class Real, class System>
 STICTION_HD void start_method(TeamT& team, const EnvView<Real>& env, System& s) {
   if constexpr (requires { Method::load(team, env, s); }) Method::load(team, env, s);

@@ -77,8 +77,8 @@ STICTION_HD auto block_metric(const System& s, Index row, typename System::Real 
   return BlockMetric<Real>{div_(Real(1), Real(1) + rho), select(sum > Real(0), div_(inv_n, sum), Real(0))};
 }
 
-/// Error of a cone that has no reaction, at least kIdleShare of its largest |b|: what its island's scale is made of.
-/// `y` is b in the coordinates of the unit cone, `largest` that |b|. `is_matrix`: it is one of semidefinite.
+/// Error of a cone that has no reaction, at least kIdleShare of its largest |b|: a part of its island's scale. `y` is
+/// b in the coordinates of the unit cone, `largest` that |b|. `is_matrix`: it is one of semidefinite.
 template <class Shape, class Real, int M>
 STICTION_HD Real error_without_reaction(Shape shape, const Real (&y)[M], const ConeMetric<Real, M>& metric, Real lo,
                                         Real hi, Law law, bool is_matrix, Real largest) {
@@ -97,9 +97,9 @@ STICTION_HD Real error_without_reaction(Shape shape, const Real (&y)[M], const C
   return max_(select(finite_(square), sqrt_(square), Real(0)), Real(kIdleShare) * largest);
 }
 
-/// Works in the lanes of `due`. It turns what load_row() has put there into the solver's units. It takes step lengths
-/// from the cone's rows of A, which are in place and scaled. It moves the guess into the cone. residual_weight holds
-/// the sum of the cone's diagonal.
+/// Works in the lanes of `due`. It turns load_row()'s numbers into the solver's units. It takes step lengths from the
+/// cone's rows of A, which are in place and scaled. It moves the guess into the cone. residual_weight holds the sum of
+/// the cone's diagonal.
 template <class Shape, class System>
 STICTION_HD void finish_cone(Shape shape, System& s, Index cone, Index row,
                              const LoadScales<typename System::Real>& scales, Mask<typename System::Real> due, Law law,

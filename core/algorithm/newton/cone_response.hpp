@@ -110,7 +110,7 @@ enum ConeZone : int {
   kSliding,         ///< on the boundary of a friction cone
 };
 
-/// x(u) = argmin of x'Rx / 2 + u'x over the cone, with what its derivative is made of.
+/// x(u) = argmin of x'Rx / 2 + u'x over the cone, with the parts of its derivative.
 template <int M>
 struct CompliantPoint {
   double x[M];
@@ -205,7 +205,7 @@ STICTION_HD_OUTLINE void compliance_factor(Shape, const CompliantPoint<M>& point
     for (int k = 0; k < M; ++k) C[k][k] = div_(1.0, sqrt_(R[k]));
   if constexpr (Shape::kKind == ConeKind::friction) {
     if (point.contact_state != kSliding) return;
-    // Columns of T: (1, s), then what the reflection that maps s to an axis makes of the other axes.
+    // Columns of T: (1, s), then the other axes under the reflection that maps s to an axis.
     double reflector[M];
     for (int k = 1; k < M; ++k) reflector[k] = point.s[k];
     reflector[1] = reflector[1] + (point.s[1] < 0.0 ? -1.0 : 1.0);

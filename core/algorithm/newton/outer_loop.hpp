@@ -25,7 +25,7 @@ inline constexpr double kStepTolerance = 0.1, kRenewalTolerance = 1e-4;
 /// Steps of conjugate gradients or BiCGStab in one linear system, at most. They still give a direction of descent.
 inline constexpr Index kMostGradientSteps = 1000;
 
-/// How the loop ended.
+/// Outcome of the loop.
 enum class NewtonEnd : int { solved, stalled, broken, out_of_steps };
 
 /// State of a sequence of problems. Lanes of a team, and ranks, hold equal copies.
@@ -78,7 +78,7 @@ struct NewtonSequence {
 /// Residuals after a step [w].
 struct NewtonResidual {
   double iterate;  ///< of the reactions by the law
-  double problem;  ///< what the problem has left
+  double problem;  ///< remaining error of the problem
 };
 
 /// Solves `space` by steps of Newton's method, `most` at most; `steps` counts them. `space` has

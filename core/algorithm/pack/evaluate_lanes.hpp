@@ -131,8 +131,8 @@ STICTION_HD_SHARED void evaluate_lanes(const DenseSystem<Pack<Real, W>>& pack, c
   }
 }
 
-/// check_convergence() of one lane of `asked`, with what evaluate_lanes() has found. A final iterate
-/// that is worse than lambda = 0 is finished by the single-environment path.
+/// check_convergence() of one lane of `asked`, with the results of evaluate_lanes(). A final iterate that is worse
+/// than lambda = 0 is finished by the single-environment path.
 template <class Method, Team TeamT, class Real, class System>
 bool check_evaluated(TeamT& team, const EnvView<Real>& env, const System& s, const StopRule& rule, const EnvPoll& poll,
                      const FinalResidual& evaluated, EnvProgress<Real>& progress) {

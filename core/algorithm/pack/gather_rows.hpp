@@ -13,7 +13,7 @@ struct PendingLoad {
   const EnvView<Real>* env;
   int lane;
   std::uint32_t flags;      ///< as load_system() returns them
-  const Real* matrix;       ///< its rows one behind the other
+  const Real* matrix;       ///< its rows one after another
   bool is_written = false;  ///< its rows are written out in the order of the lane, else they are the batch's own
   bool is_scaled = false;   ///< and in the solver's coordinates
 };

@@ -3,7 +3,7 @@
 #include "core/algorithm/driver/check_convergence.hpp"
 #include "core/algorithm/pack/pack_workspace.hpp"
 
-/// How far the environments in the lanes of a pack are.
+/// Progress of the environments in the lanes of a pack.
 namespace stiction::inline STICTION_ISA {
 
 template <class T, int W>
@@ -56,7 +56,7 @@ struct LaneSearch {
   }
 };
 
-/// One lane of what polling has found.
+/// One lane of a poll's results.
 template <class T, int W>
 EnvPoll poll_of_lane(const Poll<PackMask<T, W>>& poll, int lane) {
   return {is_set(poll.broken, lane), is_set(poll.stalled, lane), is_set(poll.stopped, lane), is_set(poll.ended, lane),

@@ -103,7 +103,7 @@ struct TileTransposer {
   const PackWorkspace<Real, W>& workspace;
   int part;          ///< first of the lanes
   Real* A;           ///< the pack's matrix                                 (n * n; W)
-  Part by;           ///< what is multiplied by, beside factors of row and column
+  Part by;           ///< common factor, beside factors of row and column
   PartMask loading;  ///< lanes that change
   Part poison;       ///< zero where all that was read is finite
 
@@ -298,7 +298,7 @@ STICTION_HD_SHARED void load_lanes_of(const DenseSystem<Pack<Real, W>>& pack, co
   }
 }
 
-/// The systems of the lanes of `loading`, but for what their islands tell.
+/// The systems of the lanes of `loading`, but for their islands.
 template <class Real, int W>
 STICTION_HD_SHARED void finish_lanes(DenseSystem<Pack<Real, W>>& pack, const PackWorkspace<Real, W>& workspace,
                                      Mask<Pack<Real, W>> loading, Law law) {

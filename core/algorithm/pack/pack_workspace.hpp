@@ -26,7 +26,7 @@ struct PackWorkspace {
 
   // Each lane's environment, as long as it is there.
   Index* batch_row;    ///< the environment's row in each of a lane's, -1: none    (W; n)
-  Lanes* scale;        ///< what that row is multiplied by, 0: there is none       (n)
+  Lanes* scale;        ///< factor of that row, 0: there is none                   (n)
   Lanes* lo;           ///< bounds of box cones in the batch's units               (cones)
   Lanes* hi;           ///<                                                        (cones)
   Lanes* share;        ///< of each cone's island, as in SystemArrays::shares      (cones)
@@ -38,7 +38,7 @@ struct PackWorkspace {
   Lanes* entry;       ///< diagonal of A there, 0 where a row has a column twice (n)
   Lanes* diagonal;    ///< of A + diag R there                                   (n)
   Lanes* present;     ///< 1: the environment has such a row, 0: it has not      (n)
-  Lanes* factor;      ///< what rows and columns of its matrix are multiplied by (n)
+  Lanes* factor;      ///< factors of rows and columns of its matrix             (n)
   ColumnTile* tile;   ///<                                                       (n at most)
   Index* column;      ///< where in a lane's matrix each tile begins; before that, where each of its rows goes  (n; W)
   const Real** row;   ///< of each lane's matrix                                 (n; W)
@@ -71,7 +71,7 @@ struct PackWorkspace {
     motion = reinterpret_cast<double*>(take(kDouble * n));
     row = reinterpret_cast<const Real**>(take(kDouble * n));
     wide = reinterpret_cast<double*>(take(kDouble * (n + kFourRows)));
-    moved = wide + n + kFourRows;  // W times what one needs
+    moved = wide + n + kFourRows;  // W times the need of one
     batch_row = reinterpret_cast<Index*>(take(n));
     column = reinterpret_cast<Index*>(take(n));
     tile = reinterpret_cast<ColumnTile*>(take(n));
@@ -104,7 +104,7 @@ void widen_lanes(const float* from, Pack<double, W>& to) {
   to.v = __builtin_convertvector(*reinterpret_cast<const typename VectorOf<float, W>::Anywhere*>(from),
                                  typename VectorOf<double, W>::Type);
 }
-/// How many doubles go into the vector of W Reals.
+/// Number of doubles that fit the vector of W Reals.
 template <class Real, int W>
 inline constexpr int kWideLanes = W * static_cast<int>(sizeof(Real)) / static_cast<int>(sizeof(double));
 /// Widens lanes from `first` on.

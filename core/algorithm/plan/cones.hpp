@@ -36,14 +36,14 @@ STICTION_HD ConeCounts counts_of(const Index* bins) {
   return counts;
 }
 
-/// How many cones of each kind there are.
+/// Counts the cones of each kind.
 STICTION_HD ConeCounts count_cones(const StructureView& s) {
   Index bins[kCountedBins];
   count_bins(s, 0, s.cones, bins);
   return counts_of(bins);
 }
 
-/// How many cones of each kind there are, on every lane; `parts` has room for kScanParts.
+/// Counts the cones of each kind, on every lane; `parts` has room for kScanParts.
 template <Team TeamT>
 STICTION_HD ConeCounts count_cones(TeamT& team, const StructureView& s, Index* parts) {
   constexpr Index kParts = kScanParts / kCountedBins;

@@ -4,7 +4,7 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// Rounds in which labels spread and jump; what has not settled then is settled by one lane.
+/// Rounds in which labels spread and jump; one lane settles the others then.
 inline constexpr Index kIslandRounds = 32;
 
 /// Returns the end of a chain of ever smaller labels.

@@ -9,10 +9,10 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// Most rows, cones or stored entries of one environment, with all room between them: what Index can count.
+/// Most rows, cones or stored entries of one environment, with all room between them: the limit of Index.
 inline constexpr Offset kMostOfOneEnv = std::numeric_limits<Index>::max();
 
-/// The integers of one environment, and no number: what is planned from them cannot depend on a value. Rows and cones
+/// The integers of one environment, and no number: a plan made from them cannot depend on a value. Rows and cones
 /// count from the environment's own zero.
 struct StructureView {
   Index rows;
@@ -88,7 +88,7 @@ STICTION_HD bool is_part(const Offset* offsets, Offset at, Offset count, Offset 
   return begin >= 0 && begin <= end && end <= total && (at != 0 || begin == 0) && (at + 1 != count || end == total);
 }
 
-/// How much of one environment's room for rows, or cones, is in use; -1 if that cannot be told.
+/// Returns how much of one environment's room for rows, or cones, is in use; -1 if that cannot be told.
 STICTION_HD Index part_in_use(const Offset* offsets, const Index* counts, Offset env, Offset env_count, Offset total) {
   if (!is_part(offsets, env, env_count, total)) return -1;
   const Offset room = offsets[env + 1] - offsets[env];
@@ -134,10 +134,10 @@ STICTION_HD bool has_friction(const BatchStructure& batch, Offset cone) {
 }
 
 /// Returns true if environment `env` can be planned and solved. Its offsets are in order and within the batch's
-/// totals, and what it uses is within its room. Its rows are tiled by cones of legal sizes, its columns inside. The
-/// totals and which arrays are null are believed, nothing in the arrays is. No entry is used as a position before it
-/// was compared with a total. All environments (one at least) are sound if and only if validate() finds no structural
-/// defect in the batch. The answer is on every lane.
+/// totals, and its rows and entries are within its room. Its rows are tiled by cones of legal sizes, its columns
+/// inside. The totals and which arrays are null are believed, nothing in the arrays is. No entry is used as a position
+/// before it was compared with a total. All environments (one at least) are sound if and only if validate() finds no
+/// structural defect in the batch. The answer is on every lane.
 template <Team TeamT>
 STICTION_HD_OUTLINE bool structure_is_sound(TeamT& team, const BatchStructure& batch, Offset env) {
   const Index rows = part_in_use(batch.env_row_offsets, batch.env_row_counts, env, batch.env_count, batch.row_count);

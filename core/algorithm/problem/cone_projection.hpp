@@ -43,7 +43,7 @@ STICTION_HD void project_second_order_cone(Real (&z)[M], Real share = Real(0.5))
   const auto inside = length <= z[0];
   const Real pressed = (Real(1) - share) * z[0];
   const Real middle = fma_(share, length, pressed);
-  // If lengths overflow, the sum is no number, and the comparison is what it should be.
+  // If lengths overflow, the sum is NaN, and the comparison is right.
   const auto polar = or_(share * length <= Real(0) - pressed, middle <= Real(0));
   const Real outside_factor = select(polar, Real(0), div_(middle, length));
   const Real factor = select(inside, Real(1), outside_factor);

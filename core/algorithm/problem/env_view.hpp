@@ -20,7 +20,7 @@ struct EnvView {
   Law law;                       ///< law of its friction cones
   const ConeKind* kind;          ///< kind                                      (cone_count)
   const Offset* cone_rows;       ///< batch-wide first row of each cone         (cone_count + 1)
-  std::uint32_t flags;           ///< what was found when the batch was made
+  std::uint32_t flags;           ///< flags found when the batch was made
   bool is_full;                  ///< known: rows_are_full(). False tells nothing
   const Offset* row_offsets;     ///< CSR rows of A, batch-wide positions       (n + 1)
   const Index* row_counts;       ///< entries of each row, or null: up to the next row's (n)
@@ -65,12 +65,12 @@ struct EnvView {
   }
   /// Their columns.
   [[nodiscard]] STICTION_HD const Index* columns(Index row) const { return column + column_offsets[row]; }
-  /// Entries from the first row's first to the last row's last, what is not in use between them included.
+  /// Entries from the first row's first to the last row's last, unused ones between them included.
   [[nodiscard]] STICTION_HD Offset entry_span() const { return row_offsets[n] - row_offsets[0]; }
 };
 
 /// Returns true if a row stores the columns 0, 1, 2, ... in order, as a dense matrix written as CSR does. Then no
-/// column has to be looked up; what is computed stays the same.
+/// column has to be looked up; the results stay the same.
 template <class Real>
 STICTION_HD bool is_run(const EnvView<Real>& env, Index row) {
   if (env.is_full) return true;

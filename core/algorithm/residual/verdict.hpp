@@ -30,7 +30,7 @@ struct FinalResidual {
       0.0;  ///< largest error of contacts that can move, each over its island's share of the largest scale [w]
   double stuck = 0.0;           ///< that of those that cannot: no reaction helps them [w]
   double absolute = 0.0;        ///< largest error of a contact [w]
-  double rounding_floor = 0.0;  ///< what roundings hide of the first: of the largest number in a difference [w]
+  double rounding_floor = 0.0;  ///< part of the first hidden by roundings: of the largest number in a difference [w]
   double reaction = 0.0;        ///< the largest reaction as the motion that it causes alone, in the same shares [w]
 };
 
@@ -68,7 +68,7 @@ struct LargestResidual {
     const auto is_open = and_(pressed == Real(0), own == Real(0));
     see(pressed * pressed, select(is_open, Real(0), most * most), share);
   }
-  /// Takes in what other lanes have seen.
+  /// Adds the results of other lanes.
   STICTION_HD void add(const LargestResidual& other) {
     square = max_(other.square, square);
     stuck = max_(other.stuck, stuck);
@@ -136,16 +136,16 @@ struct Allowance {
   double tolerance;  ///< on the relative residual [-]
   double absolute;   ///< on the absolute one [w]
 };
-/// How an answer stands.
+/// Verdict on an answer.
 struct Verdict {
-  double relative;     ///< residual over its island's scale, or what roundings hide of it [-]
+  double relative;     ///< residual over its island's scale, or the part hidden by roundings [-]
   double absolute;     ///< largest error of a contact [w]
   bool is_solved;      ///< one of them is as small as allowed
-  bool is_rounding;    ///< neither, and roundings of the reactions are what is left
+  bool is_rounding;    ///< neither, and only roundings of the reactions are left
   bool is_infeasible;  ///< neither, for contacts alone that cannot move; all others are as near as allowed
   /// Returns true if no other method could do better.
   [[nodiscard]] STICTION_HD bool is_final() const { return is_solved || is_rounding || is_infeasible; }
-  /// How the environment ended, `otherwise` where none of these is so.
+  /// Outcome of the environment, `otherwise` where none of these is so.
   [[nodiscard]] STICTION_HD EnvCode code(EnvCode otherwise) const {
     return is_solved       ? EnvCode::solved
            : is_infeasible ? EnvCode::infeasible

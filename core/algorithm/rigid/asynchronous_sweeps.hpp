@@ -7,7 +7,7 @@
 namespace stiction::inline STICTION_ISA {
 
 /// A team whose lanes need not meet. deal() has f(k) for k = 0 ... count - 1 in order, each done by the next free lane.
-/// Item k begins after all up to k - window have ended, and sees what they wrote. It begins and ends in a sync.
+/// Item k begins after all up to k - window have ended, and sees their writes. It begins and ends in a sync.
 /// Shared<Real, n> is n numbers and a lock behind them: seen(k), change(f) and open().
 template <class TeamT>
 concept DealingTeam = Team<TeamT> && requires(TeamT& team, void (*f)(Offset)) {
@@ -35,7 +35,7 @@ struct ContendedBodies : BodySystem<RealType, kLawValue> {
     const Shared row = shared(slot);
     return {{row.seen(0), row.seen(1), row.seen(2)}, {row.seen(3), row.seen(4), row.seen(5)}};
   }
-  /// Moves a twist to what was pushed, or as far from what others have made of it meanwhile.
+  /// Moves a twist to the pushed one, or as far from its value by others meanwhile.
   void move_side(Index side, bool, const Twist<Real>& was, const Twist<Real>& is) const {
     const Real from[6] = {was.linear.x, was.linear.y, was.linear.z, was.angular.x, was.angular.y, was.angular.z};
     const Real to[6] = {is.linear.x, is.linear.y, is.linear.z, is.angular.x, is.angular.y, is.angular.z};

@@ -13,7 +13,7 @@ struct SiParams {
   double tolerance, absolute_tolerance, omega;
   Index iterations, substeps;
   bool momentum;
-  SolverKind answered_by;  ///< what a status says
+  SolverKind answered_by;  ///< solver of the status
 };
 
 STICTION_HD SolverKind body_solver_kind(const BodySolverOptions& options) {

@@ -5,12 +5,12 @@
 
 /// Body systems in the lanes of a pack: contact p of every lane is visited at once, whichever bodies it is between.
 /// Each lane's numbers are those of a BodySystem with a stride, so one system can also be worked on alone. Each lane
-/// does what such a system does in the same order, so its bits are the same. Host only.
+/// performs such a system's operations in the same order, so its bits are the same. Host only.
 namespace stiction::inline STICTION_ISA {
 
-/// The systems of a pack. Besides what each system has, it keeps what one system computes whenever it is needed:
-/// tangents, and the twists without reactions. It keeps those of the batch's own numbers that a check of all lanes
-/// wants.
+/// The systems of a pack. Besides each system's numbers, it keeps those that one system computes whenever it needs
+/// them: tangents, and the twists without reactions. It keeps those of the batch's own numbers that a check of all
+/// lanes wants.
 template <class T, int W, Law kLawValue>
 struct BodyPack : BodySystem<Pack<T, W>, kLawValue> {
   using Base = BodySystem<Pack<T, W>, kLawValue>;
@@ -126,9 +126,9 @@ STICTION_HD void start_momentum_in(const BodyPack<T, W, kLaw>& s, PackMask<T, W>
     }
 }
 
-/// Sets to rest what an earlier environment has left in a lane. These are `contacts` and the numbers behind `bodies`
-/// and the world, as far as there is room. These contacts and bodies stay at rest and are visited with those of other
-/// lanes. Were only one of them no number, it would make others so.
+/// Sets an earlier environment's contacts and bodies in a lane to rest. These are `contacts` and the numbers behind
+/// `bodies` and the world, as far as there is room. These contacts and bodies stay at rest and are visited with those
+/// of other lanes. Were only one of them no number, it would make others so.
 template <class T, int W, Law kLaw>
 STICTION_HD void rest_from(const BodyPack<T, W, kLaw>& pack, Index contacts, Index bodies, Index most_contacts,
                            Index most_bodies, int lane) {

@@ -13,8 +13,8 @@ inline constexpr Index kTileContacts = 16;
 template <class Real, int kStride>
 inline constexpr bool kInterleaved = kStride > 1 || RealTraits<Real>::kLanes > 1;
 
-/// Numbers of the contacts, by position, field by field in tiles: what neighbouring lanes read is together, and so is
-/// what one visit reads. Interleaved, neighbouring lanes read neighbouring environments, and a tile is one contact.
+/// Numbers of the contacts, by position, field by field in tiles: reads of neighbouring lanes are together, and so are
+/// those of one visit. Interleaved, neighbouring lanes read neighbouring environments, and a tile is one contact.
 template <class Real, int kStride>
 struct ContactTiles {
   static constexpr Index kTile = kInterleaved<Real, kStride> ? 1 : kTileContacts;
@@ -34,7 +34,7 @@ enum ContactField : Index {
   kFieldNormal = 6,  ///< x, y, z
   kFieldMu = 9,
   kFieldBias = 10,     ///< target velocity of the normal row, negative
-  kFieldWeight = 11,   ///< mean diagonal of the block and R, before mu: what steps count as in units of w
+  kFieldWeight = 11,   ///< mean diagonal of the block and R, before mu: weight of steps in units of w
   kFieldShare = 12,    ///< of its island: the largest error scale over the island's
   kFieldPress = 13,    ///< ConeMetric: a, then the weights of reactions of t1, t2
   kFieldInverse = 16,  ///< 1 / normal diagonal, 1 / bound of the tangential block; boxed: of t1

@@ -13,7 +13,7 @@ inline constexpr double kConsensusRelaxation = 1.6;
 inline constexpr double kAsynchronousRelaxation = 1.0;
 /// Rounds between two decisions: the residual of the whole environment, and the penalty.
 inline constexpr Index kConsensusRounds = 4;
-/// Rounds that a rank makes at most while another one makes those: what bounds how old a letter may be.
+/// Rounds that a rank makes at most while another one makes those: the bound of a letter's age.
 inline constexpr Index kAsynchronousRounds = 64;
 
 /// A copy has 1/copies of the mass, and the penalty's share of it: its inverse mass is that many times the body's.
@@ -43,7 +43,7 @@ STICTION_HD void ask_for(double relaxation, const Real* twist, const double* z, 
   for (Index k = 0; k < 6; ++k) asked[k] = fma_(relaxation, static_cast<double>(twist[k]) - z[k], z[k]) + u[k];
 }
 
-/// z: the mean of what copies ask for, in their order, six numbers after six.
+/// z: the mean of the copies' requests, in their order, six numbers after six.
 STICTION_HD void mean_of(const double* asked, Index copies, double* z) {
   const double count(static_cast<double>(copies));
   for (Index k = 0; k < 6; ++k) {
@@ -53,7 +53,7 @@ STICTION_HD void mean_of(const double* asked, Index copies, double* z) {
   }
 }
 
-/// d' M d for a body of that inverse mass; what nothing moves has none.
+/// d' M d for a body of that inverse mass; a body that nothing moves has none.
 STICTION_HD double mass_square(const InverseMass<double>& inverse, const Twist<double>& d) {
   const Symmetric3<double>& i = inverse.inertia;
   const double xx = i.yy * i.zz - i.yz * i.yz, xy = i.xz * i.yz - i.xy * i.zz, xz = i.xy * i.yz - i.xz * i.yy;
@@ -66,7 +66,7 @@ STICTION_HD double mass_square(const InverseMass<double>& inverse, const Twist<d
   return moved + (determinant > 0.0 ? div_(angular, determinant) : 0.0 * angular);
 }
 
-/// How far copies are from agreement, squared, in the metric of their masses [J].
+/// Distance of copies from agreement, squared, in the metric of their masses [J].
 struct ConsensusGap {
   double primal = 0.0;  ///< of twists from z
   double dual = 0.0;    ///< of z from the z before
@@ -77,8 +77,8 @@ STICTION_HD void add_gap(ConsensusGap& gap, const ConsensusGap& more) {
   gap.dual = gap.dual + more.dual;
 }
 
-/// Takes the new mean: the dual becomes what was asked for beyond it. `before` is the mean before.
-/// Adds the copy's gaps.
+/// Takes the new mean: the dual becomes the excess of the request. `before` is the mean before. Adds the copy's
+/// gaps.
 template <class Real>
 STICTION_HD void settle_copy(const InverseMass<double>& inverse, Index copies, const Real* twist, const double* asked,
                              const double* mean, const double* before, double* dual, ConsensusGap& gap) {
@@ -142,7 +142,7 @@ STICTION_HD void pushed_change(const BodyEnv<Real>& env, Index body, const Real*
             }));
 }
 
-/// The twist of a body: free, and what the impulses of each of its copies change it by, in their order.
+/// The twist of a body: free, and its changes by the impulses of each of its copies, in their order.
 STICTION_HD void sum_changes(const double* changes, Index copies, const double* free, double* twist) {
   for (Index k = 0; k < 6; ++k) {
     double sum = free[k];

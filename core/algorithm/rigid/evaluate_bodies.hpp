@@ -121,7 +121,7 @@ STICTION_HD_OUTLINE void write_bodies(TeamT& team, const BodyEnv<Real>& env, con
   });
 }
 
-/// Zero impulses, and zero motion of the contacts: where the sums begin, and what a dropped contact keeps.
+/// Zero impulses, and zero motion of the contacts: the start of the sums, and the numbers of a dropped contact.
 template <Team TeamT, class Real>
 STICTION_HD void clear_impulses(TeamT& team, const BodyEnv<Real>& env) {
   for_each(team, env.contacts, [&](Index c) {

@@ -4,7 +4,7 @@
 #include "core/algorithm/rigid/body_pack.hpp"
 
 /// Environments that enter lanes of a body pack together, and those that may have their answers together. It does
-/// for all at once what load_bodies(), begin_substep() and residual_of() do for one, by the same functions. Host
+/// the work of load_bodies(), begin_substep() and residual_of() for all at once, by the same functions. Host
 /// only.
 namespace stiction::inline STICTION_ISA {
 

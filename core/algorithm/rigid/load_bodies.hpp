@@ -187,7 +187,7 @@ STICTION_HD void take_contact(const BodyEnv<Real>& env, const BodySystem<Real, k
   s.depth.at(0, p) = env.depth[c];
 }
 
-/// Computes what follows from them and the bodies' masses. Returns true if the contact can be solved.
+/// Computes their dependents on them and the bodies' masses. Returns true if the contact can be solved.
 template <class System, class Slot>
 STICTION_HD auto load_contact(const System& s, Index p, const ContactFrame<typename System::Real>& frame,
                               const Slot& slot_a, const Slot& slot_b) {
@@ -204,7 +204,7 @@ STICTION_HD bool is_warm(const BodyEnv<Real>& env, std::uint32_t flags) {
   return env.warm_start != nullptr && (flags & kFlagWarmStartRejected) == 0;
 }
 
-/// Fills a system with everything but what a sub-step changes. Returns flags.
+/// Fills a system with everything but the changes of a sub-step. Returns flags.
 template <Team TeamT, class Real, Law kLaw, int kStride>
 STICTION_HD_OUTLINE std::uint32_t load_bodies(TeamT& team, const BodyEnv<Real>& env,
                                               const BodySystem<Real, kLaw, kStride>& s, const SiParams& params,
@@ -324,8 +324,8 @@ STICTION_HD_OUTLINE void weigh_islands(TeamT& team, const BodyEnv<Real>& env, co
   });
 }
 
-/// Sets out from the twists and depths a sub-step begins with: biases, and what errors are measured by. Returns the
-/// largest island's error scale [w].
+/// Sets out from the twists and depths a sub-step begins with: biases, and units of errors. Returns the largest
+/// island's error scale [w].
 template <Team TeamT, class Real, Law kLaw, int kStride>
 STICTION_HD_OUTLINE ErrorScale begin_substep(TeamT& team, const BodyEnv<Real>& env,
                                              const BodySystem<Real, kLaw, kStride>& s, const SiParams& params) {

@@ -64,7 +64,7 @@ struct PackSides {
 /// The blocks of a pack, by their last positions. Null without blocks.
 template <class T, int W>
 struct PackBlocks {
-  /// How many contacts the block has that ends at a position, in every lane; 0 where none ends.
+  /// Counts the contacts of the block that ends at a position, in every lane; 0 where none ends.
   struct Lanes {
     PackIndices<T, W> count;
   };

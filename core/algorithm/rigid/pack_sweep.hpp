@@ -6,7 +6,7 @@
 /// Sequential impulses in the lanes of a pack, or of two that take turns. Host only.
 namespace stiction::inline STICTION_ISA {
 
-/// Contact p of all lanes. A core has too few registers to keep what a visit reads: it is read where it is needed.
+/// Contact p of all lanes. A core has too few registers to keep a visit's numbers: each is read where it is needed.
 template <class T, int W, Law kLaw>
 struct PackGeometry {
   using Real = Pack<T, W>;
@@ -70,8 +70,8 @@ STICTION_HD Pack<T, W> sweep_from(const PackEnv<T, W>& env, const BodyPack<T, W,
   });
   return largest;
 }
-/// A sweep of a pack in blocks. Each lane does what visit_vertices() does: contacts of a block are visited again once
-/// its last one was. Returns the largest step of each lane [w].
+/// A sweep of a pack in blocks. Each lane works as visit_vertices(): contacts of a block are visited again once its
+/// last one was. Returns the largest step of each lane [w].
 template <class T, int W, Law kLaw>
 STICTION_HD Pack<T, W> sweep_blocks(const PackEnv<T, W>& env, const BodyPack<T, W, kLaw>& s, Pack<T, W> omega) {
   Pack<T, W> largest(0);
@@ -102,7 +102,7 @@ struct EnvPair {
   const Env& b;
 };
 
-/// visit_run() of two packs that alternate: what one does hides what the other waits for.
+/// visit_run() of two packs that alternate: the work of one hides the latency of the other.
 template <class Env, class System, class Real>
 STICTION_HD void visit_run(const EnvPair<Env>& env, const SystemPair<System>& s, Index first, Index end, Real omega,
                            NumberPair<Real>& largest) {

@@ -3,7 +3,7 @@
 #include "core/algorithm/rigid/sequential_impulses.hpp"
 
 /// Sequential impulses over several memories (docs/howto/ranks.md): where the phases of a team of ranks differ from
-/// those of a team of lanes. Everything else, what is computed and in which order, is sequential_impulses.hpp's.
+/// those of a team of lanes. Everything else, formulas and order, is sequential_impulses.hpp's.
 ///
 /// Each rank has a piece of an environment. It holds the bodies that the rank owns and every contact that pushes one of
 /// them. The other bodies of those contacts are its ghosts. A contact between two ranks' bodies is visited by both,

@@ -209,7 +209,7 @@ STICTION_HD bool check_last_substep(TeamT& team, const BodyEnv<Real>& env, const
   return finalize_bodies(team, env, s, params, poll, evaluate_bodies(team, env, s, params, progress.scale), progress);
 }
 
-/// Adds to what is known of an environment. Returns true if it can be solved; if not, it is answered.
+/// Adds to the facts about an environment. Returns true if it can be solved; if not, it is answered.
 template <Team TeamT, class Real>
 STICTION_HD bool is_sound(TeamT& team, const BodyEnv<Real>& env, const SiParams& params, std::uint32_t flags,
                           SiProgress<Real>& progress) {
@@ -277,8 +277,8 @@ STICTION_HD_OUTLINE void advance_bodies(TeamT& team, const BodyEnv<Real>& env, c
   progress.done += count;
 }
 
-/// One environment from its numbers to its status: what a GPU block, a CPU core and a team of CPU threads run. A
-/// single lane takes the same three steps one by one.
+/// One environment from its numbers to its status: run by a GPU block, a CPU core and a team of CPU threads. A single
+/// lane takes the same three steps one by one.
 template <Team TeamT, class Real, Law kLaw, int kStride>
 STICTION_HD void solve_bodies(TeamT& team, const BodyEnv<Real>& env, const BodySystem<Real, kLaw, kStride>& s,
                               const SiParams& params) {

@@ -118,7 +118,7 @@ STICTION_HD void push(const System& s, const Side& side, const Vector3<Real>& ar
     s.move_side(side, where, twist, pushed(twist, s.inverse_mass(slot_of(side)), impulse, cross(arm, impulse)));
 }
 
-/// The step of a contact with boxed friction, row by row (docs/math/box_friction.md, (4)), by what load_block() keeps.
+/// The step of a contact with boxed friction, row by row (docs/math/box_friction.md, (4)), by load_block()'s numbers.
 template <class System, class Real>
 STICTION_HD ConeStep<Real, 3> boxed_contact_step(const System& s, Index p, const Real (&y)[3], Real omega) {
   const Real x_n = s.x.at(0, p);
@@ -170,7 +170,7 @@ STICTION_HD auto visit_contact(const Env& env, const System& s, Index p, typenam
 }
 
 /// Contacts of vertices [first, end), one after the other. In blocks those of a vertex are visited several times before
-/// the next vertex. Twists are their motion, so each visit sees what the others have pushed. One loop keeps a lane in
+/// the next vertex. Twists are their motion, so each visit sees the impulses of the others. One loop keeps a lane in
 /// step with its neighbours, whatever their vertices are. Returns the largest step [w].
 template <class Env, class System>
 STICTION_HD auto visit_vertices(const Env& env, const System& s, Index first, Index end, typename System::Real omega) {

@@ -4,7 +4,7 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// Three numbers in world axes, and what the bodies need of them.
+/// Three numbers in world axes, and the operations on them that bodies need.
 template <class T>
 struct Vector3 {
   T x, y, z;

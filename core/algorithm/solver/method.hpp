@@ -13,7 +13,7 @@ template <class Real>
 struct MethodParams {
   Real omega;
   bool is_fallback_stage =
-      false;  ///< of the fallback chain: what cannot be treated well is tried all the same, from the answer there is
+      false;  ///< of the fallback chain: environments are tried in any case, from the answer there is
 };
 
 }  // namespace stiction::inline STICTION_ISA

@@ -22,7 +22,7 @@ struct Npgs {
   /// State between sweeps.
   enum State : Index {
     kTheta = kMethodScalars,  ///< Nesterov's theta of the next sweep
-    kBeta,                    ///< what the last change is extrapolated by
+    kBeta,                    ///< factor of the extrapolation of the last change
     kProgress,                ///< size of the last change, in units of w
     kStateEnd
   };

@@ -47,7 +47,7 @@ struct Subspace {
   }
 
   /// After a chunk whose last iterate has been recorded in the lanes of `due`. A good enough result makes no
-  /// difference: what k iterations lead to must not depend on the limit of iterations.
+  /// difference: the outcome of k iterations must not depend on the limit of iterations.
   template <Law kLaw, Team TeamT, class Real, int kStride>
   static STICTION_HD_OUTLINE void subspace_step(TeamT& team, DenseSystem<Real, kStride>& s, Mask<Real> due) {
     const Real last = s.scalar[kLastResidual];
@@ -91,7 +91,7 @@ struct Subspace {
   static STICTION_HD void subspace_step(TeamT&, System&, Mask<typename System::Real>) {}
 
  private:
-  /// Largest environment that takes such steps. A factorisation costs what rows / 6 sweeps do, if not more
+  /// Largest environment that takes such steps. A factorisation costs as much as rows / 6 sweeps, if not more
   /// (docs/math/subspace.md).
   static constexpr Index kMostRows = 40;
   /// State besides that of npgs.

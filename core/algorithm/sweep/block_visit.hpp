@@ -8,7 +8,7 @@ namespace stiction::inline STICTION_ISA {
 
 /// Cones while a sweep solves them together, approximately (docs/math/pgs.md, "Blocks of cones"). Motion is gathered
 /// once. Changes of the block's own are pushed onto it, by the block's own entries of A alone. Cones that are
-/// neighbours in the environment form a run, and what a row stores of a run lies together.
+/// neighbours in the environment form a run, and a row's entries of a run lie together.
 template <class Real>
 class ConeBlock {
  public:
@@ -84,7 +84,7 @@ class ConeBlock {
   bool is_whole_ = false;
   Index row_[kMostBlockRows];            ///< the environment's row of each of the block's
   Index run_begin_[kMostBlockRows + 1];  ///< the block's row at which each run begins, closed by their number
-  const Real* own_[kMostBlockRows][kMostBlockRows];  ///< what each row stores of each run
+  const Real* own_[kMostBlockRows][kMostBlockRows];  ///< entries of each row in each run
   Real start_[kMostBlockRows], y_[kMostBlockRows];
 };
 

@@ -78,9 +78,9 @@ STICTION_HD Real sliding_root(Sliding<N, Real>& slide, Real low, Real high, Real
 }
 
 /// The sliding reaction into slide.slip and slide.length. With one tangential axis the direction is known. With more,
-/// norm(x_t) lies between normal / (1 + c) and normal / (1 - c). sigma lies between what makes it so with the smallest
-/// and with the largest eigenvalue. The upper bound has room for a root that is the bound itself, so that rounding
-/// does not shut Newton's step out.
+/// norm(x_t) lies between normal / (1 + c) and normal / (1 - c). sigma lies between its values for the smallest and
+/// for the largest eigenvalue. The upper bound has room for a root that is the bound itself, so that rounding does not
+/// shut Newton's step out.
 template <int N, class Real>
 STICTION_HD void sliding_reaction(Sliding<N, Real>& slide, Real smallest, Real largest) {
   if constexpr (N == 1) {

@@ -8,7 +8,7 @@ namespace stiction::inline STICTION_ISA {
 template <class Real>
 struct NesterovStep {
   Real next;  ///< theta of the iteration after it
-  Real beta;  ///< what the last change is extrapolated by; 0 at theta = 1
+  Real beta;  ///< factor of the extrapolation of the last change; 0 at theta = 1
 };
 
 /// theta' solves theta'^2 = (1 - theta') theta^2.

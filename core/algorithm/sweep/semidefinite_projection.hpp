@@ -13,7 +13,7 @@ STICTION_HD Real matrix_unit(Real largest) {
   constexpr bool kIsFloat = sizeof(Real) == sizeof(float);
   const Real scale = unit_scale(largest);
   if (scale != Real(1)) return scale;
-  // unit_scale() leaves alone what its reciprocal could not undo.
+  // unit_scale() leaves numbers alone that its reciprocal could not undo.
   if (largest >= Real(2)) return static_cast<Real>(kIsFloat ? 0x1p-100 : 0x1p-600);
   return largest < Real(1) ? static_cast<Real>(kIsFloat ? 0x1p100 : 0x1p600) : Real(1);
 }
@@ -45,7 +45,7 @@ STICTION_HD void project_unit_matrix(Real (&z)[3]) {
 }
 
 /// Order 3: (a_11, sqrt(2) a_12, a_22, sqrt(2) a_13, sqrt(2) a_23, a_33) of numbers near 1. The part of positive
-/// eigenvalues is what is left.
+/// eigenvalues is the remainder.
 template <class Real>
 STICTION_HD void project_unit_matrix(Real (&z)[6]) {
   constexpr int kOrder = 3;

@@ -33,7 +33,7 @@ struct DefaultLocalStep {
   }
 };
 
-/// Moves x of one cone whose motion is maintained. Returns what it has still to push().
+/// Moves x of one cone whose motion is maintained. Returns the step that is still to be pushed by push().
 template <Law kLaw, class Local, class Shape, class System>
 STICTION_HD auto move_cone(Shape shape, System& s, Index cone, Index row, typename System::Real omega) {
   typename System::Real y[Shape::kRows];
@@ -50,12 +50,12 @@ STICTION_HD auto push_step(TeamT& team, System& s, Index cone, Index row,
   using Real = typename System::Real;
   const Real largest = largest_of(step);
   // A cone that does not move, an open contact above all, pushes nothing. Its size does not tell. A small change times
-  // a small diagonal can be zero, and whether it is pushed must not depend on what other lanes do.
+  // a small diagonal can be zero, and its push must not depend on other lanes.
   if (any(largest != Real(0))) s.push(team, row, step.d);
   return largest * s.residual_weight[cone];
 }
 
-/// How far a block's rows moved: the largest change, and in units of w.
+/// Motion of a block's rows: the largest change, and in units of w.
 template <class Real>
 struct BlockStep {
   Real largest, size;
@@ -89,8 +89,8 @@ STICTION_HD auto move_window(Shape shape, System& s, Index count, Index cone, In
   return step;
 }
 
-/// One right-looking sweep by blocks. A block's cones are neighbours in canonical order, in which the plan has put what
-/// couples strongly side by side (docs/math/pgs.md, "Blocks of cones").
+/// One right-looking sweep by blocks. A block's cones are neighbours in canonical order, in which the plan has put
+/// strongly coupled ones side by side (docs/math/pgs.md, "Blocks of cones").
 template <Law kLaw, class Local, Team TeamT, class System>
 STICTION_HD_OUTLINE auto sweep_in_blocks(TeamT& team, System& s, typename System::Real omega) {
   using Real = typename System::Real;

@@ -16,12 +16,12 @@ enum StateScalar : Index {
   kErrorScale,        ///< the largest island's, in the solver's units; 1 where that is zero
   kScaleA,            ///< power of two that A was multiplied by
   kScaleB,            ///< power of two that b was multiplied by
-  kOutcome,           ///< Outcome of a method that decides when it ends, and what it must remember of how
+  kOutcome,           ///< Outcome of a method that decides when it ends, and its memory of how
   kMethodScalars,     ///< the first of those that the method names in its own file
   kStateScalars = kMethodScalars + 7
 };
 
-/// How far a method that decides when it ends has come; kept in kOutcome.
+/// Progress of a method that decides when it ends; kept in kOutcome.
 enum Outcome : int {
   kRunning = 0,
   kFinished,     ///< further iterations change nothing
@@ -41,20 +41,20 @@ struct SystemArrays {
   Strided<Real, kStride> extra;            ///< vectors of the method, n apart                    (method * n)
   Strided<Real, kStride> axis_press;       ///< ConeMetric's weights of further rows                 (n)
   Strided<Real, kStride> axis_slip;        ///<                                                      (n)
-  Strided<Real, kStride> residual_weight;  ///< mean diagonal of the cone's block before mu: what steps count as (cones)
+  Strided<Real, kStride> residual_weight;  ///< mean diagonal of the cone's block before mu: weight of steps (cones)
   Strided<Real, kStride> press;            ///< ConeMetric's a: the first diagonal entry, 0 if not positive  (cones)
   Strided<Real, kStride> island;           ///< the largest island's error scale over that of the cone's own (cones)
   Strided<Real, kStride> shares;           ///< the same by the batch's cones                        (cones)
   Strided<Real, kStride> inv_n;            ///< 1 / first diagonal entry                          (cones)
   Strided<Real, kStride> inv_t;            ///< 1 / bound on the largest eigenvalue of the tangential block (cones)
   Strided<Real, kStride> inv_cone;         ///< 1 / bound on the largest eigenvalue of the block  (cones)
-  Strided<Real, kStride> damping;          ///< what coupling leaves of the steps inv_n and inv_t: BlockMetric  (cones)
+  Strided<Real, kStride> damping;          ///< share of the steps inv_n and inv_t after coupling: BlockMetric  (cones)
   Strided<Real, kStride> share;            ///< of the tangential rows in that metric             (cones)
   Strided<Real, kStride> lo, hi;  ///< bounds of box cones, by cone. With boxed friction -1 and 1: bounds of a further
                                   ///< row for each unit of the normal one. Friction cones have 0 (cones)
   Strided<Real, kStride> scalar;  ///< StateScalar                                       (kStateScalars)
   double* wide = nullptr;         ///< the method's doubles: vectors, then matrices      (Workspace::doubles)
-  bool has_matrices = false;      ///< whether matrices are among them, or what a method has instead
+  bool has_matrices = false;      ///< whether matrices are among them, or a method's vectors instead
   Law law = Law::convex;          ///< as its environment's
   bool has_blocks = false;        ///< its cones are swept in blocks, as its environment's
 
@@ -64,7 +64,7 @@ struct SystemArrays {
   /// The method's vector k of doubles; its matrices follow the last.
   [[nodiscard]] STICTION_HD double* wide_vector(Index k, Index n) const { return wide + Offset{k} * n; }
 
-  /// Takes the method's doubles from the beginning of the memory, where it is aligned for them; returns what is behind.
+  /// Takes the method's doubles from the beginning of the memory, where it is aligned for them; returns the rest.
   STICTION_HD Real* carve_wide(Real* memory, Offset n, const Workspace& workspace) {
     if (!workspace.is_direct()) return memory;
     wide = reinterpret_cast<double*>(memory);

@@ -142,7 +142,7 @@ struct UnevenAxes {
     own = fma_(0.0 - stiffness * stiffness, by_stiffness, own);
   }
 
-  /// axis_metric() and axis_coupling() in reverse: what the loss says of step lengths becomes what it says of the
+  /// axis_metric() and axis_coupling() in reverse: cotangents of step lengths become those of the
   /// block.
   STICTION_HD void lengths_vjp(const LoneCone<M>& s, StepLengthBar<M> by, LoneConeBar<M>& to) const {
     const auto entry = [&](int i, int j) { return 0.5 * (s.B[i][j] + s.B[j][i]); };

@@ -14,7 +14,7 @@ namespace stiction::inline STICTION_ISA {
 struct SweepTape {
   Index n;
   double* A;          ///< S (A + diag R) S                                     (n x n)
-  double* A_bar;      ///< what the loss says of it                             (n x n)
+  double* A_bar;      ///< its cotangents                                       (n x n)
   double* before;     ///< reaction of a cone before its visit, sweep by sweep  (sweeps x n)
   double* motion;     ///< its motion at the visit                              (sweeps x n)
   double* scale;      ///< S                                                    (n)
@@ -26,13 +26,13 @@ struct SweepTape {
   double* b_bar;      ///<                                                      (n)
   double* lo_bar;     ///<                                                      (n)
   double* hi_bar;     ///<                                                      (n)
-  double* seed;       ///< what the loss says of lambda, row by row             (n)
+  double* seed;       ///< cotangents of lambda, row by row                     (n)
   double* lambda;     ///< in the batch's rows                                  (n)
   double* w;          ///<                                                      (n)
   double* measure;    ///< inv_n, inv_t, damping, share of each cone            (4 x cones)
-  double* measured;   ///< what the loss says of them                           (4 x cones)
+  double* measured;   ///< their cotangents                                     (4 x cones)
   double* share;      ///< of each cone's island, over the largest error scale  (cones)
-  double* by_motion;  ///< what the loss says of the motion at a visit          (kMaxConeRows)
+  double* by_motion;  ///< cotangents of the motion at a visit                  (kMaxConeRows)
   Index* row;         ///< the batch's row of each position                     (n)
   Index* position;    ///< and back                                             (n)
 
@@ -244,7 +244,7 @@ STICTION_HD void keep_sweep(TeamT& team, const EnvView<Real>& env, const Unrolle
 }
 
 /// The square of the largest error at the iterate, in shares of the largest error scale; on every lane. The solver
-/// chooses by it what it returns.
+/// chooses its result by it.
 template <Team TeamT, class Real>
 STICTION_HD double square_at(TeamT& team, const EnvView<Real>& env, const SweepTape& s) {
   for_each(team, s.n, [&](Index p) { s.lambda[s.row[p]] = s.scale[p] * s.x[p]; });

@@ -2,7 +2,7 @@
 
 #include "core/algorithm/unrolled/sweep_tape.hpp"
 
-/// Sweeps in reverse: cotangents of what they return pulled back to the batch and to where they began
+/// Sweeps in reverse: cotangents of their results pulled back to the batch and to where they began
 /// (docs/math/derivative.md, (28) to (31)).
 namespace stiction::inline STICTION_ISA {
 
@@ -40,7 +40,7 @@ STICTION_HD void cone_vjp(Shape shape, const EnvView<Real>& env, double omega, c
   s.hi_bar[first] = s.hi_bar[first] + to.hi;
 }
 
-/// One visit in reverse: its step, then what made its motion. A lane takes columns.
+/// One visit in reverse: its step, then its motion. A lane takes columns.
 template <Law kLaw, Team TeamT, class Real>
 STICTION_HD void visit_vjp(TeamT& team, const EnvView<Real>& env, double omega, const SweepTape& s, Index sweep,
                            Index cone) {

@@ -104,7 +104,7 @@ STICTION_HD void friction_step_vjp(const LoneCone<M>& s, const double (&y)[M], d
   pull(EvenAxes<M>(s));
 }
 
-/// The step of any cone in reverse. Adds to `to` what `bar`, by the reaction after it, says of the cone before it.
+/// The step of any cone in reverse. Adds to `to` the cotangents of the cone before a step, by `bar` of the reaction.
 template <Law kLaw, class Shape>
 STICTION_HD void local_step_vjp(Shape, const LoneCone<Shape::kRows>& s, const double (&y)[Shape::kRows], double omega,
                                 const double (&bar)[Shape::kRows], LoneConeBar<Shape::kRows>& to) {
@@ -156,7 +156,7 @@ STICTION_HD void eigenvalue_bound_vjp(const LoneCone<M>& s, double by, LoneConeB
     for (int j = kFirst; j < M; ++j) to.B[i][j] = fma_(by, product[i][j], to.B[i][j]);
 }
 
-/// LoneCone::measure() in reverse: what the loss says of step lengths becomes what it says of the block.
+/// LoneCone::measure() in reverse: cotangents of step lengths become those of the block.
 template <int M>
 STICTION_HD void measures_vjp(const LoneCone<M>& s, LoneConeBar<M>& to) {
   const double n = s.inv_n[0], t = s.inv_t[0];

@@ -42,7 +42,7 @@ struct PackLists {
     auto* const memory = reinterpret_cast<unsigned char*>(this);
     return reinterpret_cast<Tree*>(memory + aligned(reinterpret_cast<const unsigned char*>(end) - memory));
   }
-  /// Behind what is read after the tree has been built.
+  /// Behind the integers that are read after the tree has been built.
   [[nodiscard]] STICTION_HD const Small* end() const
     requires Tree::kIsWhole
   {

@@ -113,7 +113,7 @@ STICTION_HD bool worth_storing(EnvCode code) {
          code == EnvCode::rounding || code == EnvCode::infeasible;
 }
 
-/// Drops what is stored of one environment, and notes why.
+/// Drops the stored reactions of one environment, and notes why.
 template <Team TeamT, class Real>
 STICTION_HD void reset_warm_start(TeamT& team, const WarmStartMemory<Real>& memory, Offset env, std::uint32_t flags) {
   single(team, [&] {
@@ -138,7 +138,7 @@ STICTION_HD void store_warm_start(TeamT& team, const WarmStartStoreJob<Real>& jo
     reset_warm_start(team, memory, env, 0);
     return;
   }
-  // Nothing of an environment that failed is read: its offsets may be what was wrong.
+  // Nothing of an environment that failed is read: its offsets may be wrong.
   const bool failed = !worth_storing(job.status[env].code);
   const WarmStartSpan span = failed ? WarmStartSpan{0, 0, 0, 0, true} : warm_start_span(job.batch, memory, env);
   const Real* const lambda = job.lambda + span.first_row;

@@ -23,13 +23,13 @@ enum class Definiteness : std::uint8_t {
 /// Name of a verdict, as reports print it ("positive_definite", ...).
 const char* to_string(Definiteness definiteness) noexcept;
 
-/// How an operator is analysed.
+/// Options of an operator's analysis.
 struct AnalysisOptions {
-  bool with_compliance = true;   ///< A + diag R, which is what is solved; else A alone
+  bool with_compliance = true;   ///< A + diag R, the matrix that is solved; else A alone
   Index max_steps = 20;          ///< most steps of each iteration, >= 1
   double step_tolerance = 1e-8;  ///< an iteration ends early at this relative error bound, >= 0 [-]
-  double rank_tolerance = 0;     ///< what counts as zero, over the largest singular value; 0: rows times the
-                                 ///< distance from 1 to the type's next number [-]
+  double rank_tolerance = 0;     ///< limit of zero, over the largest singular value; 0: rows times the distance from 1
+                                 ///< to the type's next number [-]
   Index max_dense_rows = 512;    ///< environments of more rows are not factorised
 };
 
@@ -46,7 +46,7 @@ struct OperatorAnalysis {
   Index rows = 0;                 ///< rows of the environment
   Offset nonzeros = 0;            ///< stored entries of A; where A = Y Y' is not stored, those of Y
   double density = kNone;         ///< nonzeros / rows^2 [-]
-  bool is_finite = true;          ///< false: some number is not, and what follows is not determined
+  bool is_finite = true;          ///< false: some number is not, and the fields below are not determined
   double asymmetry = kNone;       ///< max |A - A'| / max |A|, without R [-]
   double normal_spread = kNone;   ///< largest over smallest positive diagonal of the cones' first rows: mass ratios [-]
   double largest = kNone;         ///< largest singular value, from below [w / lambda]

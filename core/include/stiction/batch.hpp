@@ -79,8 +79,8 @@ class ContactBatch {
     std::vector<Real> factor;               ///< Y of all environments
   };
 
-  /// Takes arrays over. \throws Error(invalid_argument) naming the first array whose shape is wrong, with what
-  /// was expected and what came; values are the business of validate().
+  /// Takes arrays over. \throws Error(invalid_argument) naming the first array whose shape is wrong, with the expected
+  /// and the given one; values are the business of validate().
   static ContactBatch from_arrays(Law law, Arrays arrays);
 
   /// Appends one environment (possibly empty). \throws Error(invalid_argument) on a wrong shape; then nothing
@@ -105,8 +105,8 @@ class ContactBatch {
   Law law_ = Law::convex;
 };
 
-/// Converts a batch. Every number is rounded to To (to nearest; what overflows becomes infinite and is then flagged by
-/// the solver, in that environment alone).
+/// Converts a batch. Every number is rounded to To (to nearest; overflows become infinite and are then flagged by the
+/// solver, in that environment alone).
 template <class To, class From>
 ContactBatch<To> convert(const ContactBatch<From>& batch);
 

@@ -19,7 +19,7 @@ struct BatchArray {
   /// `per_item` entries for each of `count` items.
   constexpr BatchArray(const char* field, Offset count, bool nullable = false, Offset per_item = 1)
       : name(field), length(holdable(count) * per_item), optional(nullable), width(per_item) {}
-  /// Offsets of `count` items and, at the end, of what follows them.
+  /// Offsets of `count` items and, at the end, of their elements.
   static constexpr BatchArray offsets(const char* field, Offset count, bool nullable) {
     BatchArray array(field, count, nullable);
     if (count >= 0) ++array.length;
@@ -50,7 +50,7 @@ void for_each_cone_array(const BatchLayout& batch, F&& f, Layouts&... each) {
   f(BatchArray{"cone_group", cones, true}, each.cone_group...);
 }
 
-/// Calls f with what is given for each environment.
+/// Calls f with the arrays given for each environment.
 template <class F, class... Layouts>
 void for_each_env_array(const BatchLayout& batch, F&& f, Layouts&... each) {
   const Offset envs = batch.env_count;
@@ -141,7 +141,7 @@ void for_each_array(const JacobianBatchView<Real>& batch, F&& f, Batches&... eac
   for_each_count_array(batch, f, each...);
 }
 
-/// Calls f with what bodies have.
+/// Calls f with the arrays of bodies.
 template <class F, class... Batches>
 void for_each_body_array(Offset bodies, F&& f, Batches&... each) {
   f(BatchArray{"inv_mass", bodies}, each.inv_mass...);
@@ -151,7 +151,7 @@ void for_each_body_array(Offset bodies, F&& f, Batches&... each) {
   f(BatchArray{"kinematic", bodies, true}, each.kinematic...);
 }
 
-/// Calls f with what contacts of bodies have.
+/// Calls f with the arrays of contacts of bodies.
 template <class F, class... Batches>
 void for_each_contact_array(Offset contacts, F&& f, Batches&... each) {
   f(BatchArray{"body_a", contacts}, each.body_a...);
@@ -187,8 +187,8 @@ const char* missing_array(const Batch& batch) {
   return missing;
 }
 
-/// Points a view's array at a vector: f of the lists above, for a view and a struct of vectors. An empty vector of what
-/// may be null leaves null.
+/// Points a view's array at a vector: f of the lists above, for a view and a struct of vectors. An empty vector of an
+/// array that may be null leaves null.
 struct PointAt {
   /// Points `to` at `from`.
   template <class T>

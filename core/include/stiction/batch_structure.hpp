@@ -15,8 +15,8 @@ enum class MemorySpace : std::uint8_t {
   cuda = 1,  ///< memory of a CUDA device, or of the emulated one
 };
 
-/// How rows and cones are shared out among environments, whatever the form of A. Rows and cones of all environments
-/// follow one another.
+/// Rows and cones of environments, whatever the form of A. Rows and cones of all environments follow one
+/// another.
 struct BatchLayout {
   Offset env_count = 0;                      ///< environments
   Offset cone_count = 0;                     ///< cones of all environments
@@ -71,7 +71,7 @@ struct MatrixPattern {
   [[nodiscard]] STICTION_HD const Index* row_columns(Offset row) const {
     return column + (column_offsets != nullptr ? column_offsets : row_offsets)[row];
   }
-  /// How many entries `column` has.
+  /// Returns the number of entries of `column`.
   [[nodiscard]] STICTION_HD Offset columns_stored() const {
     return column_offsets != nullptr ? column_count : nonzero_count;
   }

@@ -152,8 +152,8 @@ STICTION_HD void contact_tangents(const Real (&n)[3], Real (&t1)[3], Real (&t2)[
   detail::complete_tangents(n, sign, Real(-1) / (sign + n[2]), t1, t2);
 }
 
-/// How a step becomes b and R (docs/howto/bodies.md). With h = dt / substeps, u the relative velocity at the beginning
-/// of the (sub-)step and u_free the one that forces without contacts would give it:
+/// Conversion of a step to b and R (docs/howto/bodies.md). With h = dt / substeps, u the relative velocity at the
+/// beginning of the (sub-)step and u_free the one that forces without contacts would give it:
 ///
 ///     b = u_free - (v, 0, 0),   v = max(v_position, v_bounce),   R = cfm / h on all three rows
 ///     v_position = erp * max(depth - slop, 0) / h for depth >= 0,   depth / h for a gap
@@ -166,7 +166,7 @@ struct TimeStepping {
   double restitution_threshold = 0.1;  ///< approach slower than this does not bounce, >= 0 [m/s]
 };
 
-/// How bodies are solved: by sequential impulses, projected Gauss-Seidel on velocities without a matrix
+/// Options of a body solver: sequential impulses, projected Gauss-Seidel on velocities without a matrix
 /// (docs/math/si.md), or by an inexact Newton method on velocities (docs/math/body_newton.md).
 struct BodySolverOptions {
   Law law = Law::coulomb;     ///< of friction
@@ -190,7 +190,7 @@ struct BodySolverOptions {
   Index max_contacts_per_env = 0;  ///< 0: no limit; else that many deepest contacts of an environment are solved, the
                                    ///< lower index first among equals, and the environment gets kFlagContactsDropped
   int threads = 0;                 ///< CPU threads; 0: all cores
-  InvalidPolicy invalid = InvalidPolicy::reject;  ///< what to do with numbers that break a precondition
+  InvalidPolicy invalid = InvalidPolicy::reject;  ///< policy for numbers that break a precondition
 };
 
 /// Outputs of a solve. Same memory space as the batch.
@@ -254,7 +254,7 @@ class BodySolver {
   void solve(const BodyBatchView<Real>& batch, const BodySolutionView<Real>& solution, const Real* warm_start = nullptr,
              StreamRef stream = StreamRef::default_stream()) const;
 
-  /// Throws what solve() throws for these arguments; writes nothing.
+  /// Throws solve()'s errors for these arguments; writes nothing.
   template <class Real>
   void check(const BodyPlan& plan, const BodyBatchView<Real>& batch, const BodySolutionView<Real>& solution) const;
 

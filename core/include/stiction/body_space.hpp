@@ -10,7 +10,7 @@
 
 namespace stiction {
 
-/// How bodies are solved (docs/howto/bodies.md).
+/// Method that solves bodies (docs/howto/bodies.md).
 enum class BodyMethod : std::uint8_t {
   impulses = 0,  ///< sequential impulses (docs/math/si.md)
   newton = 1,    ///< inexact Newton's method on the bodies' velocities (docs/math/body_newton.md)
@@ -28,7 +28,7 @@ enum class BodyPreconditioner : std::uint8_t {
 /// Number of BodyPreconditioner values.
 inline constexpr int kBodyPreconditionerCount = 6;
 
-/// How a coarse body's motion becomes that of its members (docs/math/multigrid.md).
+/// Map from a coarse body's motion to that of its members (docs/math/multigrid.md).
 enum class Prolongation : std::uint8_t {
   plain = 0,     ///< rigidly
   smoothed = 1,  ///< rigidly, then one damped block-Jacobi step against the forces that this makes
@@ -40,7 +40,7 @@ enum class Cycle : std::uint8_t {
   w = 2,  ///< twice
 };
 
-/// How the multigrid preconditioner goes between its levels (docs/math/multigrid.md).
+/// Cycle of the multigrid preconditioner between its levels (docs/math/multigrid.md).
 struct MultigridOptions {
   Prolongation prolongation = Prolongation::smoothed;  ///< from a coarse level to a finer one
   Cycle cycle = Cycle::v;                              ///< visits of the coarser level

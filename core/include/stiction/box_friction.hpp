@@ -14,7 +14,7 @@ namespace stiction {
 template <class Real>
 ContactBatch<Real> with_box_friction(const ContactBatch<Real>& batch);
 
-/// A batch whose boxed friction has been written as half lines, and what leads back. A cone of m rows has 2 m - 1: its
+/// A batch whose boxed friction has been written as half lines, and the way back. A cone of m rows has 2 m - 1: its
 /// normal reaction x_n, then p_k >= 0 for each further axis, then as many v_k >= 0,
 ///
 ///     lambda_k = p_k - mu_k x_n,   0 <= p_k  _|_  w_k + v_k >= 0,   0 <= v_k  _|_  2 mu_k x_n - p_k >= 0.

@@ -137,7 +137,7 @@ class ContactGraph {
   GraphChange update(std::span<const GraphContact> contacts);
 
   /// Finds islands and colours from nothing but the contacts. O(n log n + manifolds (d + log manifolds)). Nothing that
-  /// can be read changes: it is what the maintained state is compared with.
+  /// can be read changes: the result is compared with the maintained state.
   void rebuild();
 
   [[nodiscard]] bool has_body(Index body) const noexcept;           ///< O(1); the world is present

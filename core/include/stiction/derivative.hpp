@@ -95,7 +95,7 @@ using JacobianSolutionCotangentView = JacobianSolutionNumbers<const Real>;
 template <class Real>
 using JacobianSolutionTangentView = JacobianSolutionNumbers<Real>;
 
-/// Sweeps of solver `pgs` that are differentiated as they run, and what comes of them beside the batch's cotangents.
+/// Sweeps of solver `pgs` that are differentiated as they run, and derivatives by them beside the batch's cotangents.
 template <class Real>
 struct SweepsView {
   const Real* warm_start = nullptr;  ///< where they begin, or null: at zero             (row_count)
@@ -107,8 +107,8 @@ struct SweepsView {
 
 /// Numbers of a batch, in `count` sets that follow one another. Cotangents are where derivatives of losses by them go;
 /// null: not wanted. Tangents are changes of them; null: zeros. Entries of A are independent: each stored one gets its
-/// derivative, and who means a symmetric A adds both. Rows that share mu each get their part. Numbers that the batch
-/// does not use are not written.
+/// derivative, and a caller with a symmetric A adds both. Rows that share mu each get their part. Numbers that the
+/// batch does not use are not written.
 template <class Number>
 struct BatchNumbers {
   Number* A = nullptr;       ///< of the stored entries                           (count * nonzero_count)
@@ -184,8 +184,8 @@ class Derivative {
            const SolutionTangentView<Real>& changes, GradientStatus* status, Offset count = 1,
            StreamRef stream = StreamRef::default_stream()) const;
 
-  /// Pulls cotangents of reactions, motion and velocities back to J, M, v_free and what rows have. A is assembled anew
-  /// as the solve did. `at.lambda` lies where the batch's rows do. An environment whose M is no mass matrix is
+  /// Pulls cotangents of reactions, motion and velocities back to J, M, v_free and the rows' numbers. A is assembled
+  /// anew as the solve did. `at.lambda` lies where the batch's rows do. An environment whose M is no mass matrix is
   /// refused as kGradientInvalidInput. A device takes room for the largest batch so far: a call that needs more waits
   /// for those before it, and may not be captured.
   /// \throws as that of a contact batch; Error(out_of_memory) on a device.
@@ -194,7 +194,7 @@ class Derivative {
            const JacobianSolutionCotangentView<Real>& cotangents, const JacobianBatchCotangentView<Real>& gradients,
            GradientStatus* status, Offset count = 1, StreamRef stream = StreamRef::default_stream()) const;
 
-  /// Pushes `count` sets of changes of J, M, v_free and what rows have forward to reactions, motion and velocities.
+  /// Pushes `count` sets of changes of J, M, v_free and the rows' numbers forward to reactions, motion and velocities.
   /// \throws as vjp() of J and M.
   template <class Real>
   void jvp(const JacobianBatchView<Real>& batch, const ReactionView<Real>& at,
@@ -215,7 +215,7 @@ class Derivative {
                     const SolutionCotangentView<Real>& cotangents, const BatchCotangentView<Real>& gradients,
                     GradientStatus* status, Offset count = 1, StreamRef stream = StreamRef::default_stream()) const;
 
-  /// Returns when what was queued on `stream` is done; at once on the CPU.
+  /// Returns when the work queued on `stream` is done; at once on the CPU.
   void synchronize(StreamRef stream = StreamRef::default_stream()) const;
 
   /// Options that it was made with.

@@ -11,7 +11,7 @@ namespace stiction {
 /// Kind of misuse or failure that an Error reports.
 enum class ErrorCode {
   invalid_argument,  ///< an argument is wrong; the message names it, its value and the remedy
-  bad_file,          ///< a file is not what it claims to be
+  bad_file,          ///< a file is not of the kind it claims
   io,                ///< the operating system refused to read or write
   out_of_memory,     ///< host or device memory
   no_device,         ///< the requested device is not there; the message says why

@@ -24,8 +24,8 @@ enum class MassForm : std::uint8_t {
 ///     A = J M^-1 J',   b = J v_free - target,   and   v+ = v_free + M^-1 J' lambda
 ///
 /// follows from the answer (docs/howto/jacobian.md). At velocity level lambda is an impulse; with accelerations in
-/// place of velocities, as MuJoCo has them, it is a force. Rows, cones, R, mu, lo and hi are those of ContactBatchView,
-/// and as there counts allow room behind what is in use. In device memory the totals are the room of the arrays.
+/// place of velocities, as MuJoCo has them, it is a force. Rows, cones, R, mu, lo and hi are those of
+/// ContactBatchView, and counts allow room behind them, too. In device memory the totals are the room of the arrays.
 template <class Real>
 struct JacobianBatchView : BatchLayout, RowLimits<Real> {
   Offset dof_count = 0;                      ///< degrees of freedom of all environments
@@ -41,7 +41,7 @@ struct JacobianBatchView : BatchLayout, RowLimits<Real> {
                                   ///< lower triangles are read [lambda w / v^2]        (mass_count)
   const Real* v_free = nullptr;   ///< velocity without reactions [v]                   (dof_count)
   const Real* target = nullptr;   ///< motion that rows aim at, or null: zeros [w]      (row_count)
-  MassForm mass_form = MassForm::matrix;  ///< what M holds
+  MassForm mass_form = MassForm::matrix;  ///< form of M
   Index mass_block = 0;  ///< rows of the blocks of M: 1 diagonal, 6 rigid bodies, ...; 0: M is one block
 
   /// Degrees of freedom of an environment.

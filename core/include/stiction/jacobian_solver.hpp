@@ -30,14 +30,14 @@ struct JacobianCapacity {
 };
 
 /// Returns true if a solve of J and M with these options begins with Newton's method in velocities, which takes M as a
-/// matrix (docs/math/auto.md). Islands apart are solved as separate environments, by what takes A.
+/// matrix (docs/math/auto.md). Islands apart are solved as separate environments, by solvers of A.
 [[nodiscard]] inline bool takes_newton(const SolverOptions& options) noexcept {
   return options.solver == SolverKind::automatic && options.islands == IslandMode::together &&
          options.choose == SolverChoice::named;
 }
 
 /// Outputs of a JacobianSolver; same memory space as the batch. Reactions and motion lie where the batch has the row,
-/// and what it does not use of them is not written.
+/// and rows that it does not use are not written.
 template <class Real>
 struct JacobianSolutionView {
   Real* lambda = nullptr;       ///< reactions [lambda]                          (row_count)
@@ -87,14 +87,14 @@ class JacobianSolver {
     solve(batch, solution, JacobianStart<Real>{warm_start, nullptr}, stream);
   }
 
-  /// Throws what solve() throws for these arguments, but for numbers; writes nothing.
+  /// Throws solve()'s errors for these arguments, but for numbers; writes nothing.
   void check(const JacobianBatchView<Real>& batch, const JacobianSolutionView<Real>& solution,
              const JacobianStart<Real>& start = {}) const;
 
-  /// Returns when what was queued on `stream` is done; at once on the CPU. \throws Error(device_failure) if it failed.
+  /// Returns when the work queued on `stream` is done; at once on the CPU. \throws Error(device_failure) if it failed.
   void synchronize(StreamRef stream = StreamRef::default_stream()) const { solver_.synchronize(stream); }
 
-  /// The solver of what is assembled.
+  /// The solver of assembled environments.
   [[nodiscard]] const Solver& solver() const noexcept { return solver_; }
   /// Capacity that the solver was made with.
   [[nodiscard]] const JacobianCapacity& capacity() const noexcept { return capacity_; }

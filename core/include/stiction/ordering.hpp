@@ -9,7 +9,7 @@ namespace stiction {
 
 /// The order in which a factorisation eliminates the rows of a symmetric matrix. It decides how many entries its
 /// factor has, and in which order its sums are made. The same name is the same algorithm of the same library in every
-/// build. Hence no bit depends on what was found when the build was configured (docs/explanation/design/0006).
+/// build. Hence no bit depends on the libraries found when the build was configured (docs/explanation/design/0006).
 enum class Ordering : std::uint8_t {
   natural,                     ///< as the rows are numbered
   reverse_cuthill_mckee,       ///< narrow bands (Cuthill and McKee 1969; George 1971)

@@ -11,7 +11,7 @@
 
 namespace stiction {
 
-/// How the rows of a padded matrix follow one another.
+/// Order of a padded matrix's rows.
 enum class MatrixRows : std::uint8_t {
   by_room,  ///< row i begins at i * room, as in arrays of shape (environments, room, room): MuJoCo Warp
   by_rows,  ///< row i begins at i * rows, a dense rows x rows matrix at the beginning of its room: Newton Kamino
@@ -36,8 +36,8 @@ struct PaddedNumbers {
   const Real* hi = nullptr;  ///< upper bounds of box rows [lambda]                  (sum of room)
 };
 
-/// The integers of a padded batch: what a ContactBatchView needs beside the caller's numbers. Rows of an environment
-/// are those of its cones, in order, from the beginning of its room.
+/// The integers of a padded batch: those of a ContactBatchView beside the caller's numbers. Rows of an environment are
+/// those of its cones, in order, from the beginning of its room.
 template <class Real>
 class PaddedLayout {
  public:

@@ -10,7 +10,7 @@
 
 namespace stiction {
 
-/// How accurate a task wants its reactions, by name (docs/howto/solvers.md has the table and its reasons).
+/// Accuracy of reactions by task, by name (docs/howto/solvers.md has the table and its reasons).
 enum class Preset : std::uint8_t {
   navigation = 0,  ///< contacts keep the robot on the ground, and that is all: relative residual 1e-2
   locomotion = 1,  ///< feet must not slip or sink over a gait: 1e-3

@@ -10,13 +10,13 @@
 
 namespace stiction {
 
-/// A batch whose friction cones have been replaced by inscribed pyramids, and what leads back (docs/howto/pyramid.md).
+/// A batch whose friction cones have been replaced by inscribed pyramids, and the way back (docs/howto/pyramid.md).
 /// Each reaction is a sum of edges of its contact's pyramid with non-negative factors f,
 ///
 ///     lambda = E f,   A' = E' (A + diag R) E,   b' = E' b,   f >= 0 complementary to w' = E' w >= 0,
 ///
-/// so that f minimises over the pyramids what lambda under the convex law minimises over the cones. Free, unilateral
-/// and box rows stay as they are, R included.
+/// so that f minimises over the pyramids the function that lambda under the convex law minimises over the cones. Free,
+/// unilateral and box rows stay as they are, R included.
 template <class Real>
 struct PyramidBatch {
   ContactBatch<Real> batch;        ///< a row for each edge, a cone for each row; its law is convex

@@ -74,7 +74,7 @@ enum class InvalidPolicy : std::uint8_t {
   isolate,  ///< that environment is flagged and gets zeros; no other environment's bits change
 };
 
-/// How the islands of an environment (groups of cones that do not act on one another, Solver::islands) are iterated.
+/// Iteration of an environment's islands (groups of cones that do not act on one another, Solver::islands).
 enum class IslandMode : std::uint8_t {
   together = 0,  ///< as one system: one scaling, one momentum, one residual, one stop
   apart = 1,     ///< each as a separate environment would be, and its record is made of theirs (docs/howto/islands.md)
@@ -111,7 +111,7 @@ struct SolverOptions {
   double omega = 1.0;               ///< relaxation of the sweeps of pgs and npgs, 0 < omega < 2 [-]
   int threads = 0;                  ///< CPU threads; 0: all cores
   double absolute_tolerance = 0.0;  ///< on the absolute residual; solved is where either holds [w]
-  InvalidPolicy invalid = InvalidPolicy::reject;  ///< what to do with numbers that break a precondition
+  InvalidPolicy invalid = InvalidPolicy::reject;  ///< policy for numbers that break a precondition
   IslandMode islands = IslandMode::together;      ///< apart: batches in host memory only
   BlockMode blocks = BlockMode::cones;            ///< of pgs, npgs and nsgs, batches in host memory only
   Tracer* tracer = nullptr;  ///< collects where time goes (stiction/trace.hpp), outlives the solver; null: none
@@ -215,7 +215,7 @@ class Solver {
   void islands(const ContactBatchView<Real>& batch, Index* island, Index* count,
                StreamRef stream = StreamRef::default_stream()) const;
 
-  /// Throws what solve() without a plan throws for these arguments, but for the capacity; writes nothing.
+  /// Throws the errors of solve() without a plan for these arguments, but for the capacity; writes nothing.
   template <class Real>
   void check(const ContactBatchView<Real>& batch, const SolutionView<Real>& solution) const;
 
@@ -224,17 +224,17 @@ class Solver {
   template <class Real>
   [[nodiscard]] std::shared_ptr<Real> make_array(Offset count) const;
 
-  /// Returns when what was queued on `stream` is done; at once on the CPU. \throws Error(device_failure) if it failed.
+  /// Returns when the work queued on `stream` is done; at once on the CPU. \throws Error(device_failure) if it failed.
   void synchronize(StreamRef stream = StreamRef::default_stream()) const;
 
-  /// A packed copy on the host of a batch wherever it is: what padded arrays leave unused is left out. Waits for what
-  /// was queued on `stream`. \throws Error(invalid_argument) if the structure is broken, Error(unsupported) if the
+  /// A packed copy on the host of a batch wherever it is: unused parts of padded arrays are left out. Waits for the
+  /// work queued on `stream`. \throws Error(invalid_argument) if the structure is broken, Error(unsupported) if the
   /// normal comes last.
   template <class Real>
   [[nodiscard]] ContactBatch<Real> to_host(const ContactBatchView<Real>& batch,
                                            StreamRef stream = StreamRef::default_stream()) const;
   /// Copies an array that is in the memory of a batch of that space to `target`, which has the length to be copied.
-  /// Waits for what was queued on `stream`.
+  /// Waits for the work queued on `stream`.
   template <class T>
   void to_host(std::span<T> target, const T* source, MemorySpace space,
                StreamRef stream = StreamRef::default_stream()) const {

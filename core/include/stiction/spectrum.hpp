@@ -12,7 +12,7 @@
 
 namespace stiction {
 
-/// How the solver of an environment is found.
+/// Choice of an environment's solver.
 enum class SolverChoice : std::uint8_t {
   named = 0,     ///< it is SolverOptions::solver
   spectrum = 1,  ///< by condition and density of the environment's operator, then `auto` where that falls short
@@ -29,7 +29,7 @@ enum class SpectrumClass : std::uint8_t {
   decomposed = 2,      ///< sparse: islands apart, and sweeps
   otherwise = 3,       ///< dense and badly conditioned, or not to be judged
 };
-/// How many there are.
+/// Number of classes.
 inline constexpr int kSpectrumClasses = 4;
 /// Name of a class: "direct", "preconditioned", "decomposed", "otherwise".
 const char* to_string(SpectrumClass found) noexcept;
@@ -42,7 +42,7 @@ struct SpectrumRules {
   double preconditioned_condition = 1000;  ///< below it: preconditioned [-]
   double sparse_density = 0.1;             ///< stored share of A below it: decomposed [-]
   bool keep = false;  ///< whether an environment keeps its class while its structure stays: an answer then depends on
-                      ///< what the solver was given before
+                      ///< the solver's earlier batches
   SolverKind direct = SolverKind::newton;            ///< solver of SpectrumClass::direct
   SolverKind preconditioned = SolverKind::subspace;  ///< solver of SpectrumClass::preconditioned
   SolverKind decomposed = SolverKind::npgs;          ///< solver of SpectrumClass::decomposed, islands apart

@@ -10,7 +10,7 @@
 
 namespace stiction {
 
-/// How the solve of one environment ended.
+/// Outcome of the solve of one environment.
 enum class EnvCode : std::uint8_t {
   solved = 0,          ///< residual finite and at most the tolerance
   max_iterations = 1,  ///< iteration limit reached; the best iterate seen is returned

@@ -68,7 +68,7 @@ class SteppingSolver : public StepMemory<Real> {
   void solve(const ContactBatchView<Real>& batch, const std::uint64_t* cone_id, double dt,
              const SolutionView<Real>& solution, StreamRef stream = StreamRef::default_stream());
 
-  /// Returns when what was queued on `stream` is done. \throws Error(device_failure) if it failed.
+  /// Returns when the work queued on `stream` is done. \throws Error(device_failure) if it failed.
   void synchronize(StreamRef stream = StreamRef::default_stream()) const { solver_.synchronize(stream); }
   /// The solver, with its options and device.
   [[nodiscard]] const Solver& solver() const noexcept { return solver_; }
@@ -91,7 +91,7 @@ class JacobianSteppingSolver : public StepMemory<Real> {
   void solve(const JacobianBatchView<Real>& batch, const std::uint64_t* cone_id, double dt,
              const JacobianSolutionView<Real>& solution, StreamRef stream = StreamRef::default_stream());
 
-  /// Returns when what was queued on `stream` is done. \throws Error(device_failure) if it failed.
+  /// Returns when the work queued on `stream` is done. \throws Error(device_failure) if it failed.
   void synchronize(StreamRef stream = StreamRef::default_stream()) const { solver_.synchronize(stream); }
   /// The solver, with its capacity.
   [[nodiscard]] const JacobianSolver<Real>& solver() const noexcept { return solver_; }
@@ -123,10 +123,10 @@ class BodySteppingSolver : public StepMemory<Real> {
   void solve(const BodyPlan& plan, const BodyBatchView<Real>& batch, const BodySolutionView<Real>& solution,
              StreamRef stream = StreamRef::default_stream());
 
-  /// Other time stepping or options from the next step on; what is stored stays. \throws as the constructor
+  /// Other time stepping or options from the next step on; stored impulses stay. \throws as the constructor
   void change(const TimeStepping& stepping, const BodySolverOptions& options);
 
-  /// Returns when what was queued on `stream` is done. \throws Error(device_failure) if it failed.
+  /// Returns when the work queued on `stream` is done. \throws Error(device_failure) if it failed.
   void synchronize(StreamRef stream = StreamRef::default_stream()) const { memory_.synchronize(stream); }
   /// The solver, with its options and device.
   [[nodiscard]] const BodySolver& solver() const noexcept { return solver_; }

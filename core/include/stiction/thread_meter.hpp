@@ -30,7 +30,7 @@ struct ThreadUse {
 /// reaches no bit. Without a meter nothing is read.
 class ThreadMeter {
  public:
-  /// Begins to measure. `tracer` is given spans "wait" of what threads waited at ends of sections; null: none.
+  /// Begins to measure. `tracer` is given spans "wait" of the threads' waits at ends of sections; null: none.
   explicit ThreadMeter(Tracer* tracer = nullptr) noexcept;
   /// Ends it. The thread that made the meter destroys it.
   ~ThreadMeter();
@@ -40,9 +40,9 @@ class ThreadMeter {
   /// Returns the measurements so far.
   [[nodiscard]] const ThreadUse& use() const noexcept { return use_; }
 
-  /// The meter of the calling thread, null without one. For those who share work out.
+  /// The meter of the calling thread, null without one. Called by code that shares work out.
   [[nodiscard]] static ThreadMeter* current() noexcept;
-  /// Takes in a section of so many seconds, and the busy times of its threads. For those who share work out.
+  /// Takes in a section of so many seconds, and the busy times of its threads. Called by code that shares work out.
   void add(double seconds, std::vector<double> busy);
   /// Returns the tracer that gets spans; null: none.
   [[nodiscard]] Tracer* tracer() const noexcept { return tracer_; }

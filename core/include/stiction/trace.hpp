@@ -22,7 +22,7 @@ enum class SpanPlace : std::uint8_t {
 struct Span {
   const char* name = "";              ///< which work: "solve", "plan", ... (docs/howto/tracing.md)
   const char* detail = nullptr;       ///< which kernel, which class of environments; may be null
-  SpanPlace place = SpanPlace::host;  ///< the CPU, or what was queued on a device
+  SpanPlace place = SpanPlace::host;  ///< the CPU, or work queued on a device
   int lane = 0;                       ///< thread of a solve (0: the caller's), or stream of the device
   std::int64_t environments = -1;     ///< how many it was about, -1: not said
   double start = 0;                   ///< since the tracer was made [us]

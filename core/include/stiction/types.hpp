@@ -69,7 +69,7 @@ enum class SolverKind : std::uint8_t {
   ipm = 8,                ///< predictor-corrector interior point
   subspace = 9,           ///< npgs with steps to where all contacts keep sticking, sliding or being open
   end,                    ///< no solver: the number after those that can answer a contact batch
-  velocity_newton = 253,  ///< Newton's method in velocities, where J and M are given: what auto tries first there
+  velocity_newton = 253,  ///< Newton's method in velocities, where J and M are given: auto's first solver there
   multigrid = 254,        ///< of bodies alone: Newton's method with that preconditioner (docs/howto/bodies.md)
   automatic = 255,        ///< "auto": per environment, from its own features; a status names the one that answered
 };

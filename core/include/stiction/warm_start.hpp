@@ -13,7 +13,7 @@
 
 namespace stiction {
 
-/// Effect of a change of the time step on a stored reaction. Which one keeps the physics depends on what lambda is.
+/// Effect of a change of the time step on a stored reaction. The kind of lambda decides which one keeps the physics.
 enum class StepScaling : std::uint8_t {
   capped = 0,  ///< min(1, dt_prev / dt): lambda is a force, and the new step starts with no more impulse lambda dt
                ///< than the last one ended with
@@ -24,7 +24,7 @@ enum class StepScaling : std::uint8_t {
 /// Options of a WarmStartStore.
 struct WarmStartOptions {
   double beta = 0.95;                         ///< part of the last reaction to start from, 0 < beta <= 1 [-]
-  StepScaling scaling = StepScaling::capped;  ///< what a change of dt does
+  StepScaling scaling = StepScaling::capped;  ///< effect of a change of dt
   int threads = 0;                            ///< CPU threads; 0: all cores
 };
 

@@ -96,7 +96,7 @@ struct WorldCheckpoint {
   std::vector<Real> wrench;                        ///< shape and unit of World::wrench()
   std::vector<Offset> contact_offsets;             ///< where each environment's contacts begin      (env_count + 1)
   std::vector<std::uint64_t> contact_id;           ///< of the last step, ascending in an environment     (contacts)
-  std::vector<Real> impulse;                       ///< what they ended with [N s]                    (3 * contacts)
+  std::vector<Real> impulse;                       ///< final impulses [N s]                          (3 * contacts)
 };
 
 /// Solves the contacts of one step. `batch` and `solution` are as BodySolver::solve has them, in the memory of the
@@ -127,9 +127,9 @@ struct WorldSeconds {
 /// environment's bits depend on description, options and its own state alone: not on its neighbours, the threads, or
 /// the device.
 ///
-/// A world is in the memory of its device, and what is read is copied from there. One thread at a time may use it. An
-/// environment may have any number of bodies and shapes. Beyond 128 shapes a tree of boxes finds those near each other.
-/// Contacts, their order and their ids are those of testing all pairs.
+/// A world is in the memory of its device, and data that is read is copied from there. One thread at a time may use
+/// it. An environment may have any number of bodies and shapes. Beyond 128 shapes a tree of boxes finds those near
+/// each other. Contacts, their order and their ids are those of testing all pairs.
 template <class Real>
 class World {
  public:
@@ -167,11 +167,11 @@ class World {
   /// wrong. Also if offsets do not begin at 0 or decrease, or the ids of an environment do not ascend.
   void resume(const WorldCheckpoint<Real>& from);
 
-  /// How the last step's solve ended: a record per environment, all zero before the first step.
+  /// Returns the outcome of the last step's solve: a record per environment, all zero before the first step.
   [[nodiscard]] std::span<const EnvStatus> status() const;
   /// Returns the offsets of each environment's contacts in the last step (env_count + 1).
   [[nodiscard]] std::span<const Offset> contact_offsets() const;
-  /// The last step's contacts and what they ended with; valid until the next step.
+  /// The last step's contacts and their final impulses; valid until the next step.
   [[nodiscard]] BodyBatchView<Real> contacts() const;
   [[nodiscard]] std::span<const Real> impulses() const;  ///< normal, tangential, tangential [N s]  (3 * contacts)
 

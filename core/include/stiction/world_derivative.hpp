@@ -12,7 +12,7 @@
 
 namespace stiction {
 
-/// Derivatives of a loss by what a step began with; bodies and contacts of all environments as in the World.
+/// Derivatives of a loss by the beginning of a step; bodies and contacts of all environments as in the World.
 template <class Real>
 struct WorldGradient {
   std::vector<Real> position;    ///< by centres of mass, geometry but depths frozen     (3 * body_count * env_count)
@@ -37,7 +37,7 @@ struct WorldGradient {
 template <class Real>
 class WorldStep {
  public:
-  /// Makes one step of `world` and keeps what its derivative needs.
+  /// Makes one step of `world` and keeps the input of its derivative.
   /// \throws Error(invalid_argument) for options out of range, or a world whose contacts have a capacity
   /// (solver.max_contacts_per_env), whose dropped contacts are not told. Also for boxed friction (solver.box_friction).
   explicit WorldStep(World<Real>& world, const DerivativeOptions& options = {});
@@ -45,9 +45,9 @@ class WorldStep {
   WorldStep(WorldStep&&) noexcept;
   WorldStep& operator=(WorldStep&&) noexcept;
 
-  /// Pulls derivatives of a loss by the twists and the positions after the step back to what it began with. Lengths are
-  /// 6 and 3 * body_count * env_count; of no positions: zeros. An environment that is refused gets
-  /// zeros and a flag. \throws Error(invalid_argument) for a wrong length.
+  /// Pulls derivatives of a loss by the twists and the positions after the step back to its beginning. Lengths are 6
+  /// and 3 * body_count * env_count; of no positions: zeros. An environment that is refused gets zeros and a flag.
+  /// \throws Error(invalid_argument) for a wrong length.
   [[nodiscard]] WorldGradient<Real> pull(std::span<const Real> twist, std::span<const Real> position = {}) const;
 
  private:

@@ -8,7 +8,7 @@
 
 namespace stiction::io {
 
-/// Sentence of a message that is shorter than what it says it holds.
+/// Sentence of a message that is shorter than its own count.
 inline constexpr const char* kTruncated = "has a header message that ends too early";
 
 /// A cursor over the bytes of one message. Reading past the end is noted, not done.

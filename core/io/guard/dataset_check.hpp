@@ -21,14 +21,14 @@ enum class Values { real, integer, text };
 /// Names the defect in the type of a dataset that is to hold such values, or nothing.
 std::string type_defect(hid_t type, Values values);
 
-/// A dataset of one dimension, open, with what it claims to hold.
+/// A dataset of one dimension, open, with its claims.
 struct Claim {
   hid_t dataset;
   hid_t type;
   std::size_t count;
 };
 
-/// Names the defect in the claim, by what a file of so many bytes stores for the dataset, or nothing.
+/// Names the defect in the claim, by the bytes that a file of so many stores for the dataset, or nothing.
 std::string storage_defect(const Claim& claim, std::uint64_t file_bytes);
 
 }  // namespace stiction::io

@@ -25,7 +25,7 @@ class Handle {
   }
   [[nodiscard]] hid_t get() const noexcept { return id_; }
   [[nodiscard]] bool ok() const noexcept { return id_ >= 0; }
-  /// Closes now and says whether that succeeded: for files, closing is what writes.
+  /// Closes now and returns true if that succeeded: for files, closing writes.
   bool close() noexcept { return id_ < 0 || close_(std::exchange(id_, -1)) >= 0; }
 
  private:

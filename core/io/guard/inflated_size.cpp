@@ -47,7 +47,7 @@ class BitReader {
   unsigned held_ = 0;
 };
 
-/// A Huffman code as one table: what the next bits stand for, and how many of them do.
+/// A Huffman code as one table: the meaning of the next bits, and their number.
 class Code {
  public:
   /// `lengths`: bits of each symbol, 0: unused. False if there are more codes than bits allow.
@@ -130,7 +130,7 @@ bool read_codes(BitReader& reader, Codes& codes) {
   return codes.literals.set(all.first(literals)) && codes.distances.set(all.subspan(literals));
 }
 
-/// Adds what one block of codes unpacks to.
+/// Adds the unpacked size of one block of codes.
 bool count_block(BitReader& reader, const Codes& codes, std::uint64_t limit, std::uint64_t& size) {
   constexpr unsigned short kLengthBase[kLengths] = {3,  4,  5,  6,  7,  8,  9,  10, 11,  13,  15,  17,  19,  23, 27,
                                                     31, 35, 43, 51, 59, 67, 83, 99, 115, 131, 163, 195, 227, 258};

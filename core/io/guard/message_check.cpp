@@ -48,7 +48,7 @@ std::string layout_defect(std::span<const char> message, ObjectShape& shape) {
   }
   if (version < 3 && kind == 0) cursor.skip(cursor.number(4));
   if (version == 4) {
-    constexpr std::size_t kIndexBytes[] = {0, 0, 0, 1, 5, 6};  // of what describes the index of chunks, by its kind
+    constexpr std::size_t kIndexBytes[] = {0, 0, 0, 1, 5, 6};  // kind of the index of chunks
     const std::uint64_t index = cursor.number(1);
     if (index < 1 || index > 5) return "has an unknown index of chunks";
     cursor.skip(index == 1 && (flags & 2) != 0 ? 12 : kIndexBytes[index]);

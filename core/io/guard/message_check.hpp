@@ -36,9 +36,9 @@ struct ObjectShape {
   std::uint64_t chunk_element_bytes = 0;       ///< the last of them
 };
 
-/// Looks through one message (file format specification, IV.A.2) for what HDF5 1.10.8 takes on trust. It decodes most
+/// Searches one message (file format specification, IV.A.2) for data that HDF5 1.10.8 takes on trust. It decodes most
 /// kinds without regard to where the message ends. Kinds that are not listed above are not decoded when arrays are
-/// read. Returns what is wrong, or nothing.
+/// read. Returns the defect, or nothing.
 std::string message_defect(MessageKind kind, std::span<const char> message, ObjectShape& shape);
 
 /// True if every object has at most one message of this kind: HDF5 takes the first, and a second was not checked.

@@ -8,7 +8,7 @@
 
 namespace stiction::io {
 
-/// HDF5's address of what there is not.
+/// HDF5's address of a missing object.
 inline constexpr std::uint64_t kUndefinedAddress = UINT64_MAX;
 
 /// The bytes of a file, at any place.

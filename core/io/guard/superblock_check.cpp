@@ -41,7 +41,7 @@ std::string superblock_defect(RawBytes& bytes, std::uint64_t file_bytes) {
       return "the file has an extension of its superblock, which is not read";
     }
     std::string defect = header_defect(bytes, file_bytes, base, little_endian(block + fields.root, 8));
-    // Before version 2 what leads to the root's names may stand here once more, and HDF5 may take it.
+    // Before version 2 the way to the root's names may stand here once more, and HDF5 may take it.
     const char* root = block + fields.root;
     if (defect.empty() && version < 2 && little_endian(root + 8, 4) == kCachedNames) {
       defect = name_heap_defect(bytes, file_bytes, base, little_endian(root + 24, 8));

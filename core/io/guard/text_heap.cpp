@@ -26,7 +26,7 @@ const TextHeap::Collection* TextHeap::collection(std::uint64_t address) {
   for (std::size_t at = kHeader; size - at >= kHeader;) {
     const std::uint64_t index = little_endian(fresh.bytes.data() + at, 2);
     const std::uint64_t length = little_endian(fresh.bytes.data() + at + 8, 8);
-    if (index == 0) break;  // what follows is free
+    if (index == 0) break;  // the rest is free
     at += kHeader;
     if (length > size - at) return nullptr;
     fresh.objects[index] = {at, static_cast<std::size_t>(length)};

@@ -52,7 +52,7 @@ class PivotedReflections {
       at(i, k) = 0;
     }
     const double diagonal = v_[k] > 0 ? -std::sqrt(square) : std::sqrt(square);
-    const double half = square - v_[k] * diagonal;  // half the square of what v is about to be
+    const double half = square - v_[k] * diagonal;  // half the square of the future v
     v_[k] -= diagonal;
     at(k, k) = diagonal;
     std::fill(row_.begin(), row_.end(), 0.0);

@@ -5,7 +5,7 @@
 
 #include "stiction/analysis.hpp"
 
-/// Dense factorisations that find out what a matrix is like. Matrices are row-major.
+/// Dense factorisations that reveal the rank and definiteness of a matrix. Matrices are row-major.
 namespace stiction {
 
 /// An upper triangle, with zeros below.

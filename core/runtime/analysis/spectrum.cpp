@@ -21,7 +21,7 @@ double dot(const Vector& a, const Vector& b) {
   return sum;
 }
 
-/// Takes the parts along vectors of a basis out of w, twice: once leaves what rounding made of the first.
+/// Takes the parts along vectors of a basis out of w, twice: once leaves the rounding of the first.
 void orthogonalise(const std::vector<Vector>& basis, Vector& w) {
   for (int turn = 0; turn < 2; ++turn)
     for (const Vector& q : basis) {

@@ -32,7 +32,7 @@ void put(T (&to)[kCount], const std::array<double, kCount>& from) {
   for (std::size_t k = 0; k < kCount; ++k) to[k] = static_cast<T>(from[k]);
 }
 
-/// Inertia as a round part and what some principal axes have beyond it.
+/// Inertia as a round part and the excess of some principal axes.
 template <class T>
 void put_inertia(ArticulatedBodyData<T>& to, const ArticulatedBody& from, bool has_all_axes) {
   const std::array<double, 3>& d = from.inertia;

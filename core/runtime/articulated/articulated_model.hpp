@@ -6,11 +6,11 @@
 
 namespace stiction {
 
-/// Throws for a description that is out of range or beyond what is stepped in lanes.
+/// Throws for a description that is out of range or beyond the models stepped in lanes.
 void check_articulated(const ArticulatedDescription& description);
 
-/// A description as kernels read it: constants, and the order of everything. The model has what any
-/// number of a constant that varies needs.
+/// A description as kernels read it: constants, and the order of everything. The model has the data for any number of
+/// a constant that varies.
 template <class T>
 class ArticulatedModel {
  public:

@@ -47,7 +47,7 @@ void check_give(const std::string& name, const ArticulatedGive& give) {
     refuse(name + ".solref has numbers of different signs: give both as times, or both as rates");
 }
 
-/// How many joints, and velocities, a description says there are.
+/// Counts the joints, and velocities, of a description.
 void check_bodies(const ArticulatedDescription& model) {
   if (model.bodies.empty()) refuse("bodies is empty: body 0 is the world");
   if (model.bodies[0].joints != 0) refuse("bodies[0].joints: must be 0, the world does not move");

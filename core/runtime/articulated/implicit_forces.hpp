@@ -11,8 +11,8 @@
 
 namespace stiction {
 
-/// Marks the forces of which Euler's method takes those at the end of a step: damping, and what MuJoCo's `implicitfast`
-/// adds. \throws Error(unsupported) for a body that is free and carries no joint, if its joint has damping or armature.
+/// Marks the forces of which Euler's method takes those at the end of a step: damping, and those of `implicitfast`.
+/// \throws Error(unsupported) for a body that is free and carries no joint, if its joint has damping or armature.
 template <class T>
 void put_implicit_forces(const ArticulatedDescription& from, VariedSet varies,
                          std::vector<ArticulatedJointData<T>>& joints, ArticulatedModelView<T>& view) {

@@ -4,10 +4,10 @@
 
 #include "core/job/articulated_job.hpp"
 
-/// From MuJoCo's solref and solimp to what a row is computed with (MuJoCo documentation, "Solver parameters").
+/// From MuJoCo's solref and solimp to a row's parameters (MuJoCo documentation, "Solver parameters").
 namespace stiction {
 
-/// MuJoCo's smallest number, and the ends of what an impedance may be.
+/// MuJoCo's smallest number, and the bounds of an impedance.
 inline constexpr double kTiny = 1e-15, kLeastImpedance = 1e-4, kMostImpedance = 0.9999;
 
 /// Stiffness and damping of a reference, by its time constant or directly.

@@ -4,8 +4,8 @@
 
 namespace stiction {
 
-/// Appends what an environment has in use. Its offsets must lead through the view's arrays. Arrays of offsets of `to`
-/// begin with a zero, that of factors if the view has any.
+/// Appends the part of an environment in use. Its offsets must lead through the view's arrays. Arrays of offsets of
+/// `to` begin with a zero, that of factors if the view has any.
 template <class Real>
 void append_environment(typename ContactBatch<Real>::Arrays& to, const ContactBatchView<Real>& from, Offset env) {
   const auto append = [](auto& target, const auto* source, Offset count) {

@@ -81,11 +81,11 @@ const char* missing_side(const BodyBatchView<Real>& batch) {
   return batch.body_a == nullptr ? "body_a" : batch.body_b == nullptr ? "body_b" : nullptr;
 }
 
-/// How far a normal's squared length may be from 1: a scale of the impulses that does not show.
+/// Allowed distance of a normal's squared length from 1: a scale of the impulses that does not show.
 constexpr float kNormalTolerance = 1e-3F;
 
-/// One look at a batch whose offsets are sound: whether it has no defect at all, which is what nearly every batch has.
-/// False tells nothing. No branch on the data.
+/// One look at a batch whose offsets are sound: returns true if it has no defect at all, as nearly every batch. False
+/// tells nothing. No branch on the data.
 template <class Real>
 class BodySurvey {
  public:
@@ -140,7 +140,7 @@ class BodySurvey {
   const BodyBatchView<Real>& batch_;
 };
 
-/// Finds out what is wrong and says so, which takes longer.
+/// Finds the defects and describes them, which takes longer.
 template <class Real>
 class BodyValidator {
  public:

@@ -16,8 +16,8 @@ class IslandSplit {
   /// Splits a batch whose structure is sound, which is read again by join(). `warm_start` may be null.
   IslandSplit(const ContactBatchView<Real>& batch, const Real* warm_start, bool with_motion);
 
-  /// Returns true if some environment has several pieces. If none has, the batch is to be solved as it is, and what
-  /// follows is empty.
+  /// Returns true if some environment has several pieces. If none has, the batch is to be solved as it is, and the
+  /// parts are empty.
   [[nodiscard]] bool needed() const noexcept { return needed_; }
   /// The pieces, packed, normal first.
   [[nodiscard]] ContactBatchView<Real> pieces() const noexcept { return pieces_.view(); }

@@ -18,8 +18,8 @@
 
 namespace stiction {
 
-/// The structural defects alone: what validate() lists first. The arrays of numbers (A, b, R, mu, lo, hi) are not read
-/// and may be null. A structure copied from a device can hence be checked before it is planned.
+/// The structural defects alone: the first of validate()'s list. The arrays of numbers (A, b, R, mu, lo, hi) are not
+/// read and may be null. A structure copied from a device can hence be checked before it is planned.
 template <class Real>
 std::vector<Defect> validate_structure(const ContactBatchView<Real>& batch, std::size_t limit = 64,
                                        const ParallelFor& parallel_for = all_at_once,
@@ -29,7 +29,7 @@ std::vector<Defect> validate_structure(const ContactBatchView<Real>& batch, std:
 template <class Real>
 std::vector<Defect> validate_offsets(const ContactBatchView<Real>& batch, std::size_t limit);
 
-/// validate(), which looks at all columns and can say what it saw: which environments store their rows in full.
+/// validate(), which looks at all columns and can return the environments that store their rows in full.
 template <class Real>
 std::vector<Defect> validate(const ContactBatchView<Real>& batch, std::size_t limit, SolverKind solver,
                              const ParallelFor& parallel_for, std::vector<FullRows>& full_rows);
@@ -50,7 +50,7 @@ class DefectReport {
   std::vector<Defect> defects_;
 };
 
-/// The shortest text that reads back as the same number, so that a message shows what is stored.
+/// The shortest text that reads back as the same number, so that a message shows the stored one.
 template <class Real>
 std::string shortest_text(Real value) {
   if (std::isnan(value)) return "nan";  // a NaN's sign means nothing, and not every machine makes the same one

@@ -5,7 +5,7 @@
 
 #include "stiction/error.hpp"
 
-/// Checks of what a caller hands over, before anything is changed.
+/// Checks of a caller's arguments, before anything is changed.
 namespace stiction {
 
 [[noreturn]] inline void refuse(const std::string& message) {

@@ -8,7 +8,7 @@
 
 namespace stiction {
 
-/// How the rows of one environment store their columns.
+/// Kind of an environment's stored columns.
 enum class StoredColumns : std::uint8_t {
   any,
   run,   ///< each row columns 0, 1, 2, ... in order, all of its own then

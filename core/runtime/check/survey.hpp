@@ -17,8 +17,8 @@
 namespace stiction {
 
 /// Looks once at a batch whose offsets are sound, by as many threads as there are. Finds whether the batch has no
-/// defect at all, which is so for nearly every batch, and how each environment stores its columns. False tells nothing:
-/// finding out what is wrong, if anything is, and saying so takes longer.
+/// defect at all, which is so for nearly every batch, and how each environment stores its columns. False tells
+/// nothing: finding and describing defects takes longer.
 template <class Real>
 class Survey {
  public:

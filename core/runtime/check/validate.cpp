@@ -27,8 +27,8 @@ class Validator {
   Validator(const ContactBatchView<Real>& batch, std::size_t limit, SolverKind solver)
       : batch_(batch), report_(limit), pivots_(solver == SolverKind::lemke || solver == SolverKind::automatic) {}
 
-  /// `with_values`: numbers too; without, the arrays of numbers may be null. `full_rows`: what was seen of rows, or
-  /// null; of account if there is no structural defect.
+  /// `with_values`: numbers too; without, the arrays of numbers may be null. `full_rows`: the kinds of rows, or null;
+  /// of account if there is no structural defect.
   std::vector<Defect> run(bool with_values, const ParallelFor& parallel_for,
                           std::vector<FullRows>* full_rows = nullptr) {
     Survey<Real> survey(batch_, with_values, pivots_);
@@ -49,7 +49,7 @@ class Validator {
     return report_.take();
   }
 
-  /// Offsets and cones alone: what columns are found by.
+  /// Offsets and cones alone, by which columns are found.
   std::vector<Defect> run_without_columns() {
     if (check_view(false)) {
       check_all_offsets();
@@ -63,7 +63,7 @@ class Validator {
     return env_rows_sound_ && env_cones_sound_ && cone_rows_sound_ && rows_sound_;
   }
 
-  /// Says what a look at all of it did not pass for, if it is a defect.
+  /// Describes environments that failed a look at all of them, if there is a defect.
   void check_environments(bool with_values) {
     if (env_rows_sound_ && env_cones_sound_ && cone_rows_sound_) check_cones();
     if (env_rows_sound_ && rows_sound_) check_columns();

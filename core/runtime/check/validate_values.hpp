@@ -131,7 +131,7 @@ class ValueValidator {
     });
   }
 
-  /// Calls fault(cone, row) for every row; a text that is not empty says what is wrong with values[row].
+  /// Calls fault(cone, row) for every row; a text that is not empty is the fault of values[row].
   template <class Fault>
   void check_rows(const char* array, const Real* values, const Fault& fault, const Offset* places = nullptr) {
     for_each_row([&](Offset env, Offset cone, Offset row) {

@@ -43,7 +43,7 @@ class Rewriter {
   }
 
  private:
-  /// Row `k` of what a cone was made into, within the environment.
+  /// Row `k` of a cone's replacement, within the environment.
   [[nodiscard]] Index made(Offset cone, Offset k) const {
     return static_cast<Index>(to_.first_row[static_cast<std::size_t>(cone)] + k - first_made_);
   }
@@ -101,7 +101,7 @@ class Rewriter {
   ComplementarityBatch<Real>& to_;
   typename ContactBatch<Real>::Arrays& arrays_;
   Offset first_row_ = 0;             ///< of the environment
-  Offset first_made_ = 0;            ///< of what it is made into
+  Offset first_made_ = 0;            ///< of its replacement
   std::vector<Offset> cone_of_row_;  ///< in the batch
   std::map<Index, double> entries_;  ///< of the row that is being made, by column
 };

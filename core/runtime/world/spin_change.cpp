@@ -28,7 +28,7 @@ Four turned(const Four& q, const Three& spin, double step) {
   const double w = q[0] - dot(h, v), norm = std::sqrt(w * w + dot(turn, turn));
   return {w / norm, turn[0] / norm, turn[1] / norm, turn[2] / norm};
 }
-/// How far the turn of turned() goes on if the spin changes: a rotation vector in world axes.
+/// Change of turned()'s turn by a change of the spin: a rotation vector in world axes.
 Three turn_change(const Three& spin, const Three& change, double step) {
   const Three a = plus({0, 0, 0}, 0.5 * step, spin), d = plus({0, 0, 0}, 0.5 * step, change);
   return plus({0, 0, 0}, 2.0 / (1.0 + dot(a, a)), plus(d, 1.0, cross(a, d)));

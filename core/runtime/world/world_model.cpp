@@ -17,7 +17,7 @@ namespace stiction {
 
 namespace {
 
-/// How far a quaternion's length may be from one.
+/// Allowed distance of a quaternion's length from one.
 constexpr double kUnitTolerance = 1e-6;
 /// Places of shapes, twice over, are numbered by 32 bits.
 constexpr std::size_t kMostShapes = std::numeric_limits<Index>::max() / 2;

@@ -9,7 +9,7 @@
 
 namespace stiction {
 
-/// \throws Error(invalid_argument) that names what is out of range, its value and the rule.
+/// \throws Error(invalid_argument) that names the value out of range and the rule.
 void check_description(const WorldDescription& description);
 void check_world_options(const WorldOptions& options);
 
@@ -26,7 +26,7 @@ template <class Real>
 class WorldModel {
  public:
   WorldModel(const WorldDescription& description, const WorldOptions& options, std::size_t most_listed = kMostListed);
-  /// The world's shapes and some bodies of another model, in its order, with what they have there. A tree finds their
+  /// The world's shapes and some bodies of another model, in its order, with their data there. A tree finds their
   /// pairs. `bodies`: their places there, ascending.
   WorldModel(const WorldModelView<Real>& whole, std::span<const Index> bodies);
   WorldModel(const WorldModel&) = delete;

@@ -1,4 +1,4 @@
-"""Arrays of any framework: read where they are, and refused with what was expected and what came."""
+"""Arrays of any framework: read where they are, and refused with the expected and the given form."""
 
 import numpy as np
 
@@ -171,7 +171,7 @@ def framework_named(name):
 
 
 def framework_of(obj):
-    """The framework of an array; NumPy's for what is not known."""
+    """The framework of an array; NumPy's for unknown ones."""
     return _FRAMEWORKS.get(type(obj).__module__.partition(".")[0], NUMPY)
 
 

@@ -32,7 +32,7 @@ class Batch(BatchArrays):
 
     Arrays of NumPy, PyTorch, JAX, CuPy and Warp are read in place, in float32 or float64. Change them in place between
     solves and the next solve sees it. Arrays that cannot be read in place raise TypeError (not an array, another
-    dtype) or ValueError (shape, device, strides). The message names the argument, what was expected and what came.
+    dtype) or ValueError (shape, device, strides). The message names the argument, the expected and the given value.
     Lists, one entry per environment, are copied.
 
     Batches and their solutions can be pickled and copied deeply, with their arrays, where these can.
@@ -54,9 +54,9 @@ class Batch(BatchArrays):
         * padded: A (B, n, n), b (B, n). `counts` (B,) or `cone_counts` (B,), int32: rows or cones in use of each, read
           anew at every solve; none: all. Numbers behind the rows in use are not read.
         * lists: A one (n_e, n_e) array or SciPy CSR matrix per environment, b one (n_e,); copied.
-        * flat: b (rows,), `offsets` (B + 1,) int64 the first row of each environment. A the dense matrices one behind
-          the other (sum n_e^2,), or CSR values with `indptr` (rows + 1,) int64 and `indices` (nnz,) int32. Columns
-          count from the environment's first row.
+        * flat: b (rows,), `offsets` (B + 1,) int64 the first row of each environment. A the dense matrices one after
+          another (sum n_e^2,), or CSR values with `indptr` (rows + 1,) int64 and `indices` (nnz,) int32. Columns count
+          from the environment's first row.
 
         cones: of every environment, a kind's name that tiles all rows, or a list of names and (name, rows) pairs. The
             kinds are "friction" (the default, by three rows), "box_friction" (likewise), "unilateral", "box" and "free".
@@ -163,8 +163,8 @@ class Batch(BatchArrays):
 
         * inv_mass (...) [1/kg]; inv_inertia (..., 6): xx, xy, xz, yy, yz, zz about the centre of mass, in world axes
           [1/(kg m2)].
-        * twist (..., 6): velocity [m/s] and spin [rad/s]; twist_change (..., 6): what all forces but contact change it
-          by over the step; kinematic (...) uint8.
+        * twist (..., 6): velocity [m/s] and spin [rad/s]; twist_change (..., 6): its change by all forces but contact
+          over the step; kinematic (...) uint8.
         * body_a, body_b (...) int32, -1 the world; arm_a, arm_b (..., 3): contact point from the centres of mass [m].
         * normal (..., 3): unit, from a to b; mu (...) [-]; depth (...): penetration, negative: a gap [m]; restitution
           (...) in [0, 1].
@@ -219,7 +219,7 @@ class Batch(BatchArrays):
     def from_file(cls, path: str | os.PathLike, dtype: str = "float64") -> Batch:
         """The batch of a contact-batch or FCLIB file, numbers rounded to `dtype`.
 
-        `extras` has what the file holds beside the problem, where it does. Its names are env_name, lambda_ref (a
+        `extras` has the file's contents beside the problem, where there are any. Its names are env_name, lambda_ref (a
         reference solution), v_ref, v_free, target, cone_id, step, dt, J and M as CSR.
         """
         dtype = str(np.dtype(dtype))

@@ -1,4 +1,4 @@
-"""The arrays behind a batch: the caller's, checked and kept, and what the C++ library sees of them."""
+"""The arrays behind a batch: the caller's, checked and kept, and the C++ library's views of them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class BatchArrays:
     def __init__(self, form, framework, dtype, device, law):
         self.form, self.framework, self.dtype, self.device, self.law = form, framework, dtype, device, law
         self.arrays = {}   # argument name -> the caller's array
-        self.extras = {}   # what a file holds beside the problem
+        self.extras = {}   # a file's contents beside the problem
         self._held = {}    # C++ name -> array
         self._seen = {}    # C++ name -> _core.Array
         self._views = {}   # whether in device memory -> view
@@ -119,7 +119,7 @@ class BatchArrays:
         return int(np.diff(as_numpy("dof_offsets", self.dof_offsets)).max(initial=0))
 
     def _refresh(self):
-        """Reads again what may have changed in place since the last solve."""
+        """Reads arrays again that may have changed in place since the last solve."""
         if self.layout is not None:
             self.layout.refresh()
 

@@ -21,11 +21,11 @@ def _tangents(n):
 
 
 def _masses(inv_mass, inv_inertia):
-    """M of each body, (bodies, 6, 6), and what of its motion contacts change, (bodies, 6, 6). Nothing changes the motion
-    of an axis with an inverse of 0: its mass is 1 and stands alone."""
+    """M of each body, (bodies, 6, 6), and the part of its motion that contacts change, (bodies, 6, 6). Nothing changes
+    the motion of an axis with an inverse of 0: its mass is 1 and stands alone."""
     count = len(inv_mass)
     M, moves = np.zeros((2, count, 6, 6))
-    free = ~(inv_mass == 0)  # what is no number stays none
+    free = ~(inv_mass == 0)  # NaN stays NaN
     M[:, [0, 1, 2], [0, 1, 2]] = np.where(free, 1 / np.where(free, inv_mass, 1), 1)[:, None]
     moves[:, [0, 1, 2], [0, 1, 2]] = free[:, None]
     known = np.isfinite(inv_inertia).all(axis=1)

@@ -62,7 +62,7 @@ def offsets_of(sizes):
 
 
 class Flat:
-    """Environments one behind the other, without room between them."""
+    """Environments one after another, without room between them."""
 
     padded = False
 
@@ -101,7 +101,7 @@ class Flat:
 
 
 def dense_rows(sizes):
-    """row_offsets, column and column_offsets of dense matrices of those sizes, one behind the other."""
+    """row_offsets, column and column_offsets of dense matrices of those sizes, one after another."""
     row_sizes = np.repeat(sizes, sizes)
     return {"row_offsets": offsets_of(row_sizes), "column": np.arange(max(sizes, default=0), dtype=np.int32),
             "column_offsets": np.zeros(len(row_sizes), np.int64)}

@@ -1,4 +1,4 @@
-"""Environments of lists, one entry each, copied one behind the other."""
+"""Environments of lists, one entry each, copied one after another."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from .layout import cone_list, dense_rows, offsets_of, tiles
 
 
 class _Joined:
-    """Environments of lists, one behind the other."""
+    """Environments of lists, one after another."""
 
 
 def _vectors(name, values, sizes, dtype):

@@ -1,4 +1,4 @@
-"""How accurate a solve has to be: the same always, by training progress, by the policy's entropy, by environment."""
+"""Accuracy of solves: the same always, by training progress, by the policy's entropy, by environment."""
 
 from typing import NamedTuple
 

@@ -19,8 +19,8 @@ def _bar(total, title, unit):
 
 
 class Progress:
-    """Counts what a long call has done, and shows it as a bar on stderr. Needs tqdm (`pip install tqdm`). Writes nothing
-    where tqdm is missing, in logs and pipes (stderr is no terminal), and with quiet=True.
+    """Counts the steps of a long call, and shows them as a bar on stderr. Needs tqdm (`pip install tqdm`). Writes
+    nothing where tqdm is missing, in logs and pipes (stderr is no terminal), and with quiet=True.
 
         for step in stiction.monitor.Progress(range(1000), title="rollout"):
             world.step()
@@ -29,7 +29,7 @@ class Progress:
             bar.update(32)
             bar.print("a line that does not break the bar")
 
-    items: what is iterated; None: `update` counts. total: how many there will be; None: len(items), if it has one.
+    items: the iterable; None: `update` counts. total: how many there will be; None: len(items), if it has one.
     """
 
     def __init__(self, items=None, *, total=None, title=None, unit="it", quiet=False):

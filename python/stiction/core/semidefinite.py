@@ -4,7 +4,7 @@ import numpy as np
 
 
 def _places(order):
-    """Rows and columns of the upper triangle, column by column, and what each entry is multiplied by."""
+    """Rows and columns of the upper triangle, column by column, and the factor of each entry."""
     column, row = np.tril_indices(order)
     return row, column, np.where(row == column, 1.0, np.sqrt(2.0))
 

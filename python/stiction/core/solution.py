@@ -39,15 +39,15 @@ class Solution:
     """Reactions, residual motion and status of every environment; memory of the batch's framework and device.
 
     lambda_: reactions [lambda]; w: residual motion (A + diag R) lambda + b [w]. Shape (B, n) where the batch is padded
-        (what lies behind an environment's rows is not written), (rows,) where it is flat. For bodies (B, contacts, 3)
+        (numbers behind an environment's rows are not written), (rows,) where it is flat. For bodies (B, contacts, 3)
         or (contacts, 3): impulses (normal, two tangents) [N s].
     velocities: v_free + M^-1 J' lambda [v], shaped as v_free, in the Jacobian form; twists after the step, shaped as
         twist, for bodies; else None.
     status: NumPy records (B,) of code, flags, iterations, residual (share of the island's scale), residual_abs [w], solver,
         islands (that were solved apart).
 
-    In device memory the arrays are ready in the order of the stream that the solve was given. `status` and what is
-    made of it wait for that stream and copy to the host.
+    In device memory the arrays are ready in the order of the stream that the solve was given. `status` and its derived
+    arrays wait for that stream and copy to the host.
     """
 
     def __init__(self, batch, lambda_, w, velocities, status, seen=None):

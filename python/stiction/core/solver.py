@@ -17,7 +17,7 @@ from .solution import SOLVERS, Solution
 from .statistics import Statistics, spans_by_kind
 
 
-#: Keys of a capacity: counts, then what there is room for or not.
+#: Keys of a capacity: counts, then the flags of its room.
 _COUNTS = ("envs", "rows", "cones", "nonzeros", "env_rows", "env_nonzeros", "env_dofs")
 _SWITCHES = ("wide", "semidefinite")
 
@@ -70,13 +70,13 @@ class SolverBase:
                 raise ValueError(f"solver: expected None beside choose={choose!r}, got {solver!r}")
             self.solver = "auto"
         self._statistics = Statistics(self, callback, record_failures)
-        self._in_flight = []  # what a device has yet to read and write
+        self._in_flight = []  # arrays that a device has yet to read and write
 
     def __repr__(self):
         return f"<stiction.{type(self).__name__} {self.solver} on {self.device}, tolerance {self.tolerance:g}>"
 
     def synchronize(self, stream=0) -> None:
-        """Returns when what was queued on that stream is done. Raises stiction.Error (device_failure) if it failed."""
+        """Returns when the work queued on that stream is done. Raises stiction.Error (device_failure) if it failed."""
         self._core.synchronize(streams.handle_of(stream, None, "cpu"))
         self._in_flight.clear()
 
@@ -186,7 +186,7 @@ class Solver(SolverBase):
 
     Copied or pickled, a solver is one made anew by the same arguments. Statistics and device memory stay behind.
 
-    Raises stiction.Error (code "invalid_argument", "no_device", "unsupported") for what the library refuses.
+    Raises stiction.Error (code "invalid_argument", "no_device", "unsupported") for batches that the library refuses.
     """
 
     def __init__(self, device: str = "cpu", solver: str | None = None, law: str | None = None,

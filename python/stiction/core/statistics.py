@@ -33,7 +33,7 @@ def _writable(name, folder):
 
 
 class Statistics:
-    """Counts what a solver's solves did."""
+    """Counts a solver's solves."""
 
     def __init__(self, solver, callback=None, record_failures=None):
         self._solver, self._callback = solver, callback

@@ -32,7 +32,7 @@ class SteppingSolver(SolverBase):
     "bodies". max_rows, max_cones: room of one environment (cones: as many as rows if not given; a contact of bodies is
     a cone of three rows). max_dofs: degrees of freedom of one environment, for the Jacobian form on a GPU.
     semidefinite: whether cones of that kind will come, for which a GPU takes room. dtype: "float32" or "float64". beta:
-    part of the last reaction to start from, in (0, 1]. scaling: what a change of dt does to it. "capped": lambda is a
+    part of the last reaction to start from, in (0, 1]. scaling: its response to a change of dt. "capped": lambda is a
     force, and no more impulse than before; the default. "none": a force that lasts. Also "proportional": lambda is an
     impulse; the default of bodies. All other options as for Solver.
 

@@ -146,7 +146,7 @@ class World:
     threads: 0: all cores; the bits do not depend on it.
 
     A world may be used by several threads, which take turns; Python goes on while it steps. Raises stiction.Error for
-    what the library refuses, and changes nothing then.
+    arguments that the library refuses, and changes nothing then.
     """
 
     def __init__(self, bodies, shapes, env_count: int, device: str = "cpu", *, gravity=(0.0, 0.0, -9.81),
@@ -288,7 +288,7 @@ class World:
 
     @property
     def status(self) -> np.ndarray:
-        """How the last step's solve ended: records (B,) of stiction.STATUS_DTYPE, all zero before the first step."""
+        """Outcome of the last step's solve: records (B,) of stiction.STATUS_DTYPE, all zero before the first step."""
         records = np.zeros(self.env_count, STATUS_DTYPE)
         self._core.status(_core.Array(status_bytes(records)))
         return records
@@ -299,7 +299,7 @@ class World:
         return self.status["code"] == SOLVED
 
     def contacts(self) -> WorldContacts:
-        """Contacts of the last step and what they ended with."""
+        """Contacts of the last step and their final impulses."""
         return WorldContacts(self)
 
     def motion(self) -> dict:
@@ -321,7 +321,7 @@ class World:
 
 
 class WorldContacts:
-    """Contacts of a world's last step, of all environments one behind the other, in NumPy arrays of their own.
+    """Contacts of a world's last step, of all environments one after another, in NumPy arrays of their own.
 
     offsets: int64 (B + 1), where each environment's begin. body_a, body_b: int32 (contacts,), -1 the world. arm_a,
     arm_b (contacts, 3): the point from the centres of mass [m]. normal (contacts, 3): unit, from a to b. mu, depth [m],
@@ -344,8 +344,8 @@ class WorldContacts:
         return len(self.body_a)
 
     def batch(self, twist, twist_change=None) -> Batch:
-        """The step's contact problem as a batch of bodies, for the solvers of batches. twist: before the step
-        (B, bodies, 6); twist_change: what forces but contact change it by over the step, None: nothing.
+        """The step's contact problem as a batch of bodies, for the solvers of batches. twist: before the step (B,
+        bodies, 6); twist_change: its change by forces but contact over the step, None: nothing.
         """
         world = self._world
         twist, twist_change = (None if value is None else np.ascontiguousarray(value).reshape(-1, 6)

@@ -11,7 +11,7 @@ from .world import World, checked
 
 
 class WorldStep:
-    """Makes one step of a world, and keeps what its derivative needs; a rollout keeps one for each of its steps.
+    """Makes one step of a world, and keeps the input of its derivative; a rollout keeps one for each of its steps.
 
         step = stiction.WorldStep(world, wrench)
         gradients = step.vjp(twist=loss_by_twist, position=loss_by_position)
@@ -19,9 +19,9 @@ class WorldStep:
 
     It differentiates the solution of the step's contact problem, restitution and stabilisation included, and its use
     in the step. The set of contacts is frozen; normals, arms, inertias and orientations are, too. Hence `twist`,
-    `wrench`, `friction`, `contact_mu` and `depth` are exact. `position` has what depths follow, and no more. Exact
-    means to the error of the solve: give the world a tolerance. Give contacts compliance (cfm > 0): a body on four
-    corners has no derivative otherwise, and is flagged "singular". There is no forward mode.
+    `wrench`, `friction`, `contact_mu` and `depth` are exact. `position` has the derivatives by way of depths alone.
+    Exact means to the error of the solve: give the world a tolerance. Give contacts compliance (cfm > 0): a body on
+    four corners has no derivative otherwise, and is flagged "singular". There is no forward mode.
 
     wrench: as for World.step. residual_limit, tie_tolerance, max_unknowns, threads, kappa: as for Derivative. kappa [J]
     relaxes the contact problem; how the twists after it turn the bodies is differentiated at the exact twists.
@@ -38,7 +38,7 @@ class WorldStep:
 
     def vjp(self, *, twist=None, position=None) -> Gradients:
         """Pulls derivatives of a loss by the twists (B, bodies, 6) and positions (B, bodies, 3) after the step back to
-        what it began with. None: zeros.
+        its beginning. None: zeros.
 
         Returns derivatives by position (B, bodies, 3), twist and wrench (B, bodies, 6). Also by friction of each shape
         (B, shapes), contact_mu and depth (contacts,). `status` has a record of GRADIENT_DTYPE for each environment.

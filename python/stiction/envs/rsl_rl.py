@@ -35,7 +35,7 @@ class RslRlEnv(VecEnv):
 
     @property
     def episode_length_buf(self):
-        """Steps of each environment's episode; what a learner writes here (to spread the ends) is taken over."""
+        """Steps of each environment's episode; a learner's writes (to spread the ends) are taken over."""
         if self.device.type == "cpu":
             return torch.from_numpy(self.envs.episode_length)
         return torch.from_numpy(self.envs.episode_length.copy()).to(self.device)

@@ -8,8 +8,8 @@ from stable_baselines3.common.vec_env import VecEnv
 class Sb3VecEnv(VecEnv):
     """A stiction.envs.MujocoVectorEnv as a stable_baselines3 VecEnv.
 
-    envs: made with autoreset_mode=AutoresetMode.SAME_STEP, which is what that library does. Infos have
-    "terminal_observation" and "TimeLimit.truncated" where an episode ended, and no reward terms unless all_infos.
+    envs: made with autoreset_mode=AutoresetMode.SAME_STEP, as that library does. Infos have "terminal_observation" and
+    "TimeLimit.truncated" where an episode ended, and no reward terms unless all_infos.
     """
 
     def __init__(self, envs, all_infos=False):

@@ -38,8 +38,8 @@ class MujocoVectorEnv(VectorEnv):
         (reset(options={"reset_mask": mask})).
     solver, tolerance, max_iterations, threads, warm_start: of stiction.mujoco.BatchedSimulation.
     engine: "mujoco", or "lanes" (docs/howto/robots_in_lanes.md). There `dtype` is that of the steps, and solver and
-        warm_start have no effect. An environment whose step fails for a number that is not finite stays where it was, and
-        keeps what was observed of it. varies: constants of which each environment has its own there, such as
+        warm_start have no effect. An environment whose step fails for a number that is not finite stays where it was,
+        and keeps its observations. varies: constants of which each environment has its own there, such as
         ("body_mass", "geom_friction"), in `simulation.varied`.
     cone: "pyramidal" or "elliptic" instead of the model's (Gymnasium's: pyramidal). xml_file: another model.
     task: parameters of Gymnasium's class, such as ctrl_cost_weight=0.5.
@@ -195,8 +195,8 @@ class MujocoVectorEnv(VectorEnv):
     # -- beyond it ----------------------------------------------------------------------------------------------------
 
     def set_accuracy(self, accuracy):
-        """Tolerance and iteration limit of the solves to come: what a stiction.AccuracyPolicy's `apply` returns. Raises
-        ValueError in lanes, where both are given when the environments are made."""
+        """Tolerance and iteration limit of the solves to come: the result of a stiction.AccuracyPolicy's `apply`.
+        Raises ValueError in lanes, where both are given when the environments are made."""
         self._require_mujoco()
         self.simulation.set_accuracy(accuracy.tolerance, accuracy.max_iterations)
 
@@ -206,9 +206,9 @@ class MujocoVectorEnv(VectorEnv):
         return self.simulation.solver.stats()
 
     def states(self):
-        """All that the environments go on from, arrays by environment. "id", "seed", "episode", "episode_length", "over" and
-        "physics" (MuJoCo's integration state) are there, what the task observes, and constants that vary. For checkpoints, and for
-        environments that move to another rank (stiction.distributed). Needs a shard.
+        """All that the environments go on from, arrays by environment. "id", "seed", "episode", "episode_length",
+        "over" and "physics" (MuJoCo's integration state) are there, the task's observations, and constants that vary.
+        For checkpoints, and for environments that move to another rank (stiction.distributed). Needs a shard.
 
         Raises ValueError where solves start from the reactions of the step before, which are not among them.
         """

@@ -4,7 +4,7 @@
 
 On the CPU it is an XLA custom call (jax.ffi) where the package was built beside JAX. On other platforms, or if it was
 not, it is a host callback (jax.pure_callback). `uses_ffi` says which. Both run the same solver and return the same
-bits. The custom call follows its arguments' sharding by environments: each device solves what it has, and nothing is
+bits. The custom call follows its arguments' sharding by environments: each device solves its own, and nothing is
 gathered. The callback gathers everything unless it is called inside jax.shard_map.
 """
 
@@ -57,7 +57,7 @@ def _by_environments(call):
 
 
 def _results(A, b):
-    """Shapes of what a solve of these returns."""
+    """Shapes of a solve's results."""
     shape = jax.ShapeDtypeStruct(b.shape, A.dtype)
     return shape, shape, jax.ShapeDtypeStruct(b.shape[:-1] + (STATUS_DTYPE.itemsize,), jnp.uint8)
 

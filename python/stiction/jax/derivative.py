@@ -45,12 +45,12 @@ def _friction_sides(law, lambda_, w, mu, dmu, diagonal, a, tie, largest):
     speed, _ = _norm(y_t)
     length, u = _norm(a[..., None] * x_t - y_t)
     is_open = a * x_n - w[..., 0] - (speed if law == "coulomb" else 0) + length <= tie
-    # Distances from both ends of sliding, each relative to what it can be: they do not vanish with mu, as a x - y does.
+    # Distances from both ends of sliding, each relative to its largest: they do not vanish with mu, as a x - y does.
     used, steepest = _norm(x_t)[0], jnp.max(S[..., 1:], -1, initial=0)
     room = jnp.where(x_n > 0, (x_n - used) / jnp.where(x_n > 0, x_n, 1), 1)
     sticks = ~is_open & (speed <= jnp.where(steepest > 0, steepest, 1) * largest * (jnp.maximum(room, 0) + _TIE))
     slides = ~is_open & ~sticks
-    # Sliding: x_t = -d x_n, and what is across d turns.
+    # Sliding: x_t = -d x_n, and the part across d turns.
     d = jnp.where(slides[..., None], -u, 0)
     across = jnp.eye(mu.shape[-1], dtype=dtype) * on[..., None] - d[..., :, None] * d[..., None, :]
     turned = jnp.where(slides[..., None, None], across, 0)
@@ -65,7 +65,7 @@ def _friction_sides(law, lambda_, w, mu, dmu, diagonal, a, tie, largest):
                          jnp.concatenate([test, right], -1)], -2)
     grip = jnp.where(slides & (x_n > 0), speed / jnp.where(x_n > 0, x_n, 1), 0)
     alone = jnp.eye(mu.shape[-1], dtype=dtype) - turned - stuck
-    weight = grip + jnp.max(S[..., 1:] ** 2 * diagonal[..., 1:], -1, initial=0)  # of the size of what else is in those rows
+    weight = grip + jnp.max(S[..., 1:] ** 2 * diagonal[..., 1:], -1, initial=0)  # of the size of others in those rows
     weight = jnp.where(slides & (weight > 0), weight, 1)
     top = jnp.concatenate([1 - corner, jnp.zeros_like(along).swapaxes(-1, -2)], -1)
     below = grip[..., None, None] * turned + jax.lax.stop_gradient(weight)[..., None, None] * alone

@@ -34,9 +34,10 @@ _YIELD = 1e-8
 class Guess:
     """Chooses where solves start from, one simulation loop's memory of its last step.
 
-    candidates: in order. "zero". "last": beta times the last reaction of the same contact, by id. "active_set": what it
-        becomes if every contact stays open, sticking or sliding, by the derivative's matrix (docs/math/derivative.md).
-        A Ridge or a Dense table. A callable that is given the Step and returns reactions (rows,), or None.
+    candidates: in order. "zero". "last": beta times the last reaction of the same contact, by id. "active_set": its
+        derivative if every contact stays open, sticking or sliding, by the derivative's matrix
+        (docs/math/derivative.md). A Ridge or a Dense table. A callable that is given the Step and returns reactions
+        (rows,), or None.
     Each is projected onto the cones. The one of the least dual energy is taken, under Coulomb's law of the least natural
     residual; of equals the first. Candidates that are not finite are dropped. Each environment chooses for itself.
     beta: of "last", in (0, 1].

@@ -1,4 +1,4 @@
-"""A step as first guesses see it: its rows by environment and contact id, and what the step before left."""
+"""A step as first guesses see it: its rows by environment and contact id, and the step before."""
 
 import hashlib
 
@@ -11,8 +11,8 @@ from ..core.semidefinite import semidefinite_matrix, semidefinite_vector
 
 
 class Step:
-    """One step's problem and what is known of it from the step before, in float64 NumPy arrays. They hold the rows in
-    use of all environments, one behind the other.
+    """One step's problem and its known state from the step before, in float64 NumPy arrays. They hold the rows in use
+    of all environments, one after another.
 
     row_offsets, cone_offsets (B + 1): where rows and cones of each environment begin. kind, first (cones): kind, and
     the row after which the cone ends begins the next (cones + 1). ids: uint64 (cones,). b, R, mu, lo, hi (rows,).
@@ -163,7 +163,7 @@ class Memory:
 
 
 def ids_in_use(batch, ids):
-    """Ids of cones in use, uint64, one environment behind the other."""
+    """Ids of cones in use, uint64, one environment after another."""
     dtype = look("ids", ids).dtype
     take("ids", ids, dtype if dtype in ("int64", "uint64") else "uint64", batch.layout.cone_shape, "cpu")
     ids = as_numpy("ids", ids).view(np.uint64)

@@ -13,8 +13,8 @@ _VERSION = 1
 
 
 class Ridge:
-    """A linear guess for every topology, which is what contacts there are, by their ids. Reactions follow from b, the
-    last b and the last reactions of the environment, by least squares with a penalty.
+    """A linear guess for every topology, the set of contacts, by their ids. Reactions follow from b, the last b and
+    the last reactions of the environment, by least squares with a penalty.
 
         ridge = stiction.learning.Ridge()
         guess = stiction.learning.Guess(["zero", "last", "active_set", ridge])
@@ -25,8 +25,8 @@ class Ridge:
     regularisation: penalty, over the mean square of the features [-]. samples: how many a topology needs, times its
     numbers of features. max_rows: larger environments are left alone. max_topologies: the first ones are learned.
 
-    Fitting calls LAPACK, whose last bits differ between machines. A frozen table is numbers in float32, and what it
-    predicts has the same bits everywhere.
+    Fitting calls LAPACK, whose last bits differ between machines. A frozen table is numbers in float32, and its
+    predictions have the same bits everywhere.
     """
 
     name = "ridge"
@@ -70,7 +70,7 @@ class Ridge:
                 self._fit(key)
 
     def freeze(self) -> Ridge:
-        """Fits what has enough samples, and learns no more."""
+        """Fits tables with enough samples, and learns no more."""
         if not self.frozen:
             for key, sums in self._sums.items():
                 if sums[0] >= self.samples * len(sums[1]):
@@ -125,7 +125,7 @@ class Dense:
 
     layers: (weights (out, in), biases (out,)) each. The first takes b, the last b and the last reactions of n rows in
     the order of contact ids: in = 3 n. The last gives the reactions: out = n. Environments
-    of another size get no guess. Its numbers are kept in float32; what it predicts has the same bits everywhere.
+    of another size get no guess. Its numbers are kept in float32; its predictions have the same bits everywhere.
     """
 
     name = "dense"

@@ -7,7 +7,7 @@
 
 The learned choice decides which solver answers, and so the bits. A tuner that learns reads a clock: its run cannot be
 repeated bit for bit. A frozen one chooses by the batch alone, and its runs can. Quality is no matter of trust: every
-environment's status says what was reached (docs/math/tuner.md).
+environment's status has its residual (docs/math/tuner.md).
 """
 
 from __future__ import annotations
@@ -49,9 +49,9 @@ class Tuner:
 
     choices: dicts of options, or anything that JSON can hold. The first is the default, which the others must beat.
     exploration: alpha of LinUCB, >= 0: how much an uncertain choice is favoured.
-    patience, margin: the kill switch. The mean logarithm of the last `patience` costs is compared with what the default
-        is predicted to have cost there. Beyond log(margin) the tuner stops for good: from then on it takes the default.
-        stop() does the same at once, and so does the environment variable STICTION_TUNER=off.
+    patience, margin: the kill switch. The mean logarithm of the last `patience` costs is compared with the default's
+        predicted cost there. Beyond log(margin) the tuner stops for good: from then on it takes the default. stop()
+        does the same at once, and so does the environment variable STICTION_TUNER=off.
     control: of so many decisions one takes the default whatever is known, so that its cost stays known. 0: none.
     log: a file that gets a line of JSON for each decision that was learned from.
 
@@ -125,7 +125,7 @@ class Tuner:
         return self
 
     def save(self, path: str | os.PathLike) -> None:
-        """Writes what was learned as JSON: beside the file first, so that a reader never sees half of it."""
+        """Writes the learned numbers as JSON: beside the file first, so that a reader never sees half of it."""
         models = None if self._models is None else [model.state() for model in self._models]
         text = json.dumps({"format": _FORMAT, "version": 1, "choices": self.choices, "exploration": self.exploration,
                            "decisions": self.decisions, "stopped": self.stopped, "models": models})
@@ -194,7 +194,7 @@ class _Model:
 
 
 class TunedSolver:
-    """Solves batches by whatever its tuner chooses for them, and tells it what that cost.
+    """Solves batches by its tuner's choice, and tells it the cost.
 
     The cost is the seconds of the solve, ten times as much for the share of environments that were not solved (PAR10).
     device, tolerance and options: of every stiction.Solver, which the options of a choice override. A batch in device

@@ -59,8 +59,8 @@ class BatchedSimulation:
     last `clear`. Its keys are "smooth" (MuJoCo up to the solve), "assemble" (rows into the batch), "solve" and
     "advance" (answers back, sensors, the integrator).
 
-    Raises ValueError for what cannot be stepped so. They are RK4 with actuator states, plugins, delays, plasticity or
-    sleeping bodies, noslip iterations, incremental potentials (mjENBL_IPC), Python callbacks (mjcb_*).
+    Raises ValueError for models that cannot be stepped so. They are RK4 with actuator states, plugins, delays,
+    plasticity or sleeping bodies, noslip iterations, incremental potentials (mjENBL_IPC), Python callbacks (mjcb_*).
     """
 
     def __new__(cls, model, n, *, engine="mujoco", **options):
@@ -70,7 +70,7 @@ class BatchedSimulation:
 
     def __init__(self, model, n, *, engine="mujoco", solver="auto", tolerance=1e-6, max_iterations=1000, threads=0,
                  warm_start=0.95, hold_failed=False):
-        del engine  # what __new__ has read
+        del engine  # the arguments read by __new__
         self._made_by = dict(solver=solver, tolerance=tolerance, max_iterations=max_iterations, threads=threads,
                              warm_start=warm_start, hold_failed=hold_failed)
         self._model = model
@@ -98,7 +98,7 @@ class BatchedSimulation:
         self._warm = float(warm_start) > 0
         self._stages = _core.mujoco_stages()  # our own by name, and MuJoCo's functions that were called
         self._places = {}
-        self._plans = {}  # what a step is, as the core takes it
+        self._plans = {}  # a step, as the core takes it
         self._active = None
         self._held = Held(model, len(self._data)) if hold_failed else None
         self._metric = self._limits = None
@@ -125,7 +125,7 @@ class BatchedSimulation:
 
     @property
     def data(self):
-        """The mujoco.MjData of each simulation, a sequence; see Simulations for what may be put into it."""
+        """The mujoco.MjData of each simulation, a sequence; see Simulations for elements that may replace them."""
         return self._data
 
     def __repr__(self):
@@ -203,7 +203,7 @@ class BatchedSimulation:
         return values
 
     def reset_warm_start(self, simulations=None):
-        """Drops what the next solve would start from, of a list of simulations, or of all: for those that start over."""
+        """Drops the start of the next solve, of a list of simulations, or of all: for those that start over."""
         self._core.reset_warm_start(numbers_of(simulations, len(self)))
 
     def reset(self, simulations=None):
@@ -242,16 +242,16 @@ class BatchedSimulation:
         return batch
 
     def pull(self, accelerations, forces=None, **options):
-        """Pulls derivatives of a loss by the accelerations of the last solve back to what that solve was given. It is
-        that of the state before a step, or of forward(). Positions are frozen.
+        """Pulls derivatives of a loss by the accelerations of the last solve back to that solve's input. It is that of
+        the state before a step, or of forward(). Positions are frozen.
 
         accelerations: by qacc, (n, nv). forces: by efc_force, a list of arrays, one per simulation; None: zeros.
         options: residual_limit, tie_tolerance, max_unknowns, threads of stiction.Derivative.
 
         Returns a stiction.Gradients, whose `status` and `valid` say which simulations have a derivative:
         qfrc (n, nv): by generalized forces, as qfrc_applied and actuators have them.
-        qvel (n, nv): by velocities as far as aref depends on them. How forces without contact follow velocities is not
-            in it: multiply what you know of that by qfrc.
+        qvel (n, nv): by velocities as far as aref depends on them. The dependence of forces without contact on
+            velocities is not in it: multiply your knowledge of that by qfrc.
         qacc_smooth (n, nv), M (n, nv, nv); aref, R, J, friction: lists of arrays, one per simulation, by row. The friction
             of a pyramid is part of its J, and has 0 here.
         """
@@ -308,7 +308,7 @@ class BatchedSimulation:
         return (*self._sensor_stages, "mj_checkAcc", *(("mj_compareFwdInv",) if compares else ()))
 
     def _step_stages(self):
-        """The solves of a step, and what simulations are taken through before and after each."""
+        """The solves of a step, and the simulations' stages before and after each."""
         integrator = self.model.opt.integrator
         if integrator == mujoco.mjtIntegrator.mjINT_RK4:
             smooth = (self._stages_before_solve(check=True), *[self._stages_before_solve(check=False, senses=False)] * 3)
@@ -343,7 +343,7 @@ class BatchedSimulation:
             self._record_statistics(found[2], count * len(plan))
 
     def _collect(self):
-        """Gathers what MuJoCo's own solver has solved."""
+        """Gathers the constraints that MuJoCo's own solver has solved."""
         self._activate(None)
         self._run("count")
         self._core.gather(all=True)
@@ -388,5 +388,5 @@ class BatchedSimulation:
         answer = {"lambda_": batch.extras["lambda_"], "velocities": batch.extras["velocities"], "status": self.status}
         statistics.note(batch, Solution.over(batch, answer), None, seconds, False)
 
-    #: Statistics read this of what was solved.
+    #: Statistics read this of solved batches.
     form = "mujoco"

@@ -64,7 +64,7 @@ def take_answers(batch, data, is_rk4):
 
 
 def remade(cls, model, data, made_by, limits, held):
-    """A simulation with that model, copies of those data, and what else another one has."""
+    """A simulation with that model, copies of those data, and another one's other state."""
     made = cls(model, len(data), **made_by)
     for mine, one in zip(made.data, data):
         mujoco.mj_copyData(mine, model, one)

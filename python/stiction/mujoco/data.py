@@ -15,7 +15,7 @@ _RK4 = mujoco.mjtIntegrator.mjINT_RK4
 
 
 def check_data(model, i, one):
-    """Raises TypeError or ValueError for what is no mjData of that model."""
+    """Raises TypeError or ValueError for objects that are no mjData of that model."""
     if not isinstance(one, mujoco.MjData):
         raise TypeError(f"data[{i}]: expected a mujoco.MjData, got {type(one).__name__}")
     if one.model._address != model._address:
@@ -24,7 +24,7 @@ def check_data(model, i, one):
 
 
 def count_of(nstep):
-    """How many steps that is. Raises TypeError or ValueError for what is no number of steps."""
+    """Returns the number of steps. Raises TypeError or ValueError for a wrong number of steps."""
     nstep = whole("nstep", nstep)
     if nstep < 0:
         raise ValueError(f"nstep: expected a number of steps of at least 0, got {nstep}")
@@ -33,7 +33,7 @@ def count_of(nstep):
 
 @contextlib.contextmanager
 def other_options(model, ls_iterations=None, disable=0):
-    """Other options of a model for what runs within it."""
+    """Other options of a model within its scope."""
     opt = model.opt
     kept = opt.ls_iterations, opt.disableflags
     try:
@@ -45,7 +45,7 @@ def other_options(model, ls_iterations=None, disable=0):
 
 
 def numbers_of(simulations, count):
-    """List of those simulations, of so many; None: all. Raises TypeError or ValueError for what is no list of them."""
+    """List of those simulations, of so many; None: all. Raises TypeError or ValueError for other arguments."""
     if simulations is None:
         return list(range(count))
     if getattr(simulations, "dtype", None) == bool:
@@ -58,8 +58,8 @@ def numbers_of(simulations, count):
 
 
 class Simulations(collections.abc.Sequence):
-    """The mujoco.MjData of a BatchedSimulation. One may be replaced by another of the same model, `data[i] = other`; what
-    its constraints would have started from is dropped then. Raises TypeError or ValueError for anything else."""
+    """The mujoco.MjData of a BatchedSimulation. One may be replaced by another of the same model, `data[i] = other`;
+    its constraints' warm start is dropped then. Raises TypeError or ValueError for anything else."""
 
     def __init__(self, model, data):
         self._model, self._data, self._core = model, [], None
@@ -99,7 +99,7 @@ class Simulations(collections.abc.Sequence):
 
 
 def refuse(model):
-    """Raises ValueError for what would be stepped otherwise than MuJoCo does."""
+    """Raises ValueError for models that would be stepped otherwise than by MuJoCo."""
     opt = model.opt
     flags, is_rk4 = opt.enableflags, opt.integrator == _RK4
     if flags & _IPC:

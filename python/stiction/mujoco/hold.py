@@ -23,8 +23,8 @@ class Held:
         self.failed = np.zeros(count, bool)
 
     def before(self, data, chosen):
-        """Keeps the state that each chosen simulation (None: all) begins with. One whose state is not finite, or beyond
-        what MuJoCo takes, gets its last good one. Returns the simulations that may be stepped."""
+        """Keeps the state that each chosen simulation (None: all) begins with. One whose state is not finite, or
+        beyond MuJoCo's limits, gets its last good one. Returns the simulations that may be stepped."""
         self.failed[:] = False
         chosen = np.ones(len(self.failed), bool) if chosen is None else chosen
         for i in np.flatnonzero(chosen):
@@ -54,5 +54,5 @@ class Held:
 
     @staticmethod
     def _resets_of(one):
-        """How often MuJoCo has reset it for numbers that are not finite, or too large."""
+        """Counts MuJoCo's resets of it for numbers that are not finite, or too large."""
         return sum(int(one.warning[warning].number) for warning in _WARNINGS)

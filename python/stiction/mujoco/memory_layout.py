@@ -75,8 +75,8 @@ def address(function):
 
 
 def handlers():
-    """Addresses of what sets MuJoCo's handler of a thread's messages, and of what returns that of all threads. They are 0
-    where MuJoCo has them not, or has other messages than the C++ side knows."""
+    """Addresses of functions of MuJoCo: one sets the handler of a thread's messages, and one returns that of all
+    threads. They are 0 where MuJoCo has them not, or has other messages than the C++ side knows."""
     names = "_mjPRIVATE_setTlsLogHandler", "_mjPRIVATE_getGlobalLogHandler"
     if "mjLogMessage" not in structs.STRUCTS or not all(hasattr(library(), name) for name in names):
         return [0, 0]

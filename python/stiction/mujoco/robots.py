@@ -15,11 +15,11 @@ _SPINS = (int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL))
 _AFFINE_GAIN, _AFFINE_BIAS = int(mujoco.mjtGain.mjGAIN_AFFINE), int(mujoco.mjtBias.mjBIAS_AFFINE)
 _GAINS = (int(mujoco.mjtGain.mjGAIN_FIXED), _AFFINE_GAIN)
 _BIASES = (int(mujoco.mjtBias.mjBIAS_NONE), _AFFINE_BIAS)
-#: Sizes of a model that must be 0, and what they count.
+#: Sizes of a model that must be 0, and the features they count.
 _NONE_OF = {
     "na": "activations of actuators", "nplugin": "plugins", "nflex": "flexes",
     "nmocap": "mocap bodies", "nhistory": "delays", "nplastic": "plasticity"}
-#: Arrays of a model that must be zero, and what they say.
+#: Arrays of a model that must be zero, and their features.
 _ZERO = {
     "dof_dampingpoly": "damping that is not linear", "jnt_stiffnesspoly": "springs that are not linear",
     "jnt_springyield": "springs that yield", "actuator_damping": "damping of actuators",
@@ -51,7 +51,7 @@ def is_disabled(model, name):
 
 
 def check_model(model):
-    """Raises UnsupportedModel for what is not stepped in lanes, but for contacts."""
+    """Raises UnsupportedModel for models that are not stepped in lanes, but for contacts."""
     opt = model.opt
     if opt.integrator not in (int(mujoco.mjtIntegrator.mjINT_EULER), _RK4, _IMPLICITFAST):
         _refuse("a model whose integrator is not Euler, RK4 or implicitfast")

@@ -4,7 +4,7 @@
     solution.solved, solution.residual                      # of each world
 
 `solve` and `noslip` stand in for MuJoCo Warp's functions of those names: they read its arrays where they lie, and
-write what it writes. docs/howto/mujoco_warp.md.
+write its outputs. docs/howto/mujoco_warp.md.
 """
 
 from __future__ import annotations
@@ -159,7 +159,7 @@ def _solver_of(model, data, options):
 
 
 def _check(model, data):
-    """Refuses what would be solved otherwise than MuJoCo Warp does."""
+    """Refuses options that would be solved otherwise than by MuJoCo Warp."""
     if not isinstance(model, mujoco_warp.Model):
         raise TypeError(f"model: expected a mujoco_warp.Model (mujoco_warp.put_model), got {type(model).__name__}")
     if not isinstance(data, mujoco_warp.Data):

@@ -37,7 +37,7 @@ def fill_cones(nefc: wp.array[int], room: int, efc_type: wp.array2d[int], efc_id
                # outputs
                row_count: wp.array[int], cone_count: wp.array[int], flags: wp.array[int],
                cone_kind: wp.array[wp.uint8], cone_row: wp.array[wp.int64]):
-    """Cones of one world, behind one another. A contact that the room has cut is left out, and so is what follows."""
+    """Cones of one world, behind one another. A contact that the room has cut is left out, and so are its followers."""
     world = wp.tid()
     limit = wp.min(nefc[world], room)
     dropped = nefc[world] > room or contacts[0] > contact_room or pairs[0] > contact_room
@@ -140,7 +140,7 @@ def fill_jacobian(row_count: wp.array[int], sparse: bool, rownnz: wp.array2d[int
                   colind: wp.array3d[int], J: wp.array3d[float], place: wp.array2d[int], frozen: bool,
                   # outputs
                   dense: wp.array3d[float]):
-    """One row of J, dense, without what frozen degrees of freedom have in it."""
+    """One row of J, dense, without entries of frozen degrees of freedom."""
     world, row = wp.tid()
     if row >= row_count[world]:
         return

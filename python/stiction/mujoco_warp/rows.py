@@ -1,4 +1,4 @@
-"""MuJoCo Warp's constraint rows as batches of J and M: its arrays where they lie, and beside them what it has not."""
+"""MuJoCo Warp's constraint rows as batches of J and M: its arrays where they lie, and further arrays beside them."""
 
 from __future__ import annotations
 
@@ -165,7 +165,7 @@ class Rows:
                     [data.nefc, self.row_count, efc.type, efc.id, data.contact.dim, data.contact.efc_address,
                      self.friction, efc.frictionloss], [efc.force, efc.state])
         self.launch(kernels.write_forces, self._per_dof, [self.row_count, self.J, efc.force], [data.qfrc_constraint])
-        derivative.eff_mul_m(model, data, efc.Ma, data.qacc)  # what integrators start from; M outside of `discrete`
+        derivative.eff_mul_m(model, data, efc.Ma, data.qacc)  # start of integrators; M outside of `discrete`
         self.launch(kernels.write_counts, data.nworld,
                     [words, int(types.OverflowType.ITERATIONS), more], [data.solver_niter, data.overflow])
 

@@ -43,7 +43,8 @@ class SolverStiction(newton.solvers.SolverBase):
     warm_start: share of a row's last impulse, by length of the step, that a solve starts from; 0: from none.
     hold_failed: put a world back to its last good state whose step had no usable input or answer (NaN in its state,
         for instance). Else its bodies get the velocities that the solve returned, which may be NaN.
-    ignore: what of MuJoCo's own in the model to step without, as "mujoco:actuator" of an MJCF file; else it is refused.
+    ignore: features of MuJoCo's own in the model to step without, as "mujoco:actuator" of an MJCF file; else it is
+    refused.
 
     Attributes: solver, the stiction.Solver, with stats(). Results of the last step are status, failed, and batch and
     solution, for stiction.verify.
@@ -72,7 +73,7 @@ class SolverStiction(newton.solvers.SolverBase):
                          not_negative("recovery_speed", recovery_speed),
                          not_negative("restitution_threshold", restitution_threshold))
         self.batch = self.solution = None
-        self._good = wp.clone(model.joint_q), wp.clone(model.joint_qd)  # what failed worlds are put back to
+        self._good = wp.clone(model.joint_q), wp.clone(model.joint_qd)  # state to which failed worlds are put back
         self._read_model()
 
     @property
@@ -120,7 +121,7 @@ class SolverStiction(newton.solvers.SolverBase):
 
     def update_contacts(self, contacts, state=None):
         """Writes contact forces of the last step into `contacts.force`, as Newton 1.6 asks and Isaac Lab's contact sensors.
-        contacts: what that step was given, with room for forces. state: the bodies where torques are counted; needed.
+        contacts: those given to that step, with room for forces. state: the bodies where torques are counted; needed.
         """
         if getattr(contacts, "force", None) is None or state is None:
             raise ValueError("contacts, state: expected contacts with forces (model.request_contact_attributes('force')) "
@@ -130,12 +131,12 @@ class SolverStiction(newton.solvers.SolverBase):
             self._rows.write_forces(self.solution.lambda_, state, contacts, self._dt, contacts.force)
 
     def reset(self, state, world_mask=None, flags=None):
-        """Drops what the next solve of those worlds would start from."""
+        """Drops the start of the next solve of those worlds."""
         mask = self._normalize_reset_world_mask(world_mask)
         self._rows.forget(None if mask is None else mask.numpy())
 
     def notify_model_changed(self, flags):
-        """Reads the model again: which bodies are kinematic, what is refused. Numbers are read at every step."""
+        """Reads the model again: kinematic bodies, features that are refused. Numbers are read at every step."""
         self._read_model()
 
     # -- the stages ---------------------------------------------------------------------------------------------------

@@ -33,7 +33,7 @@ def joint_forces(joint_type: wp.array[int], joint_parent: wp.array[int], joint_X
                  # outputs
                  force: wp.array[wp.float64], softness: wp.array[wp.float64]):
     """Forces of each degree of freedom [N, N m] at the start of the step. Springs, dampers and drives are implicit:
-    softness is what they add to the diagonal of the mass matrix. A drive at its effort limit adds nothing to it."""
+    softness is their addition to the diagonal of the mass matrix. A drive at its effort limit adds nothing to it."""
     j = wp.tid()
     first = joint_qd_start[j]
     count = joint_qd_start[j + 1] - first
@@ -175,7 +175,7 @@ def com_of(body: int, body_q: wp.array[wp.transform], body_com: wp.array[wp.vec3
 
 @wp.func
 def along(J: wp.array3d[float], a: int, link: int, column: int, linear: wp.vec3, angular: wp.vec3):
-    """How fast a body moves along those directions for one degree of freedom."""
+    """Speed of a body along those directions for one degree of freedom."""
     s = wp.float64(0.0)
     for k in range(3):
         s += wp.float64(J[a, 6 * link + k, column]) * wp.float64(linear[k])
@@ -210,7 +210,7 @@ def contact_rows(which: wp.array[int], row_start: wp.array[int], entry_start: wp
                  values: wp.array[wp.float64], columns: wp.array[int], target: wp.array[wp.float64],
                  friction: wp.array[wp.float64], b: wp.array[wp.float64]):
     """Rows of one contact: how fast shape 1 moves from shape 0 along the normal and two tangents, and turns about them.
-    target is the velocity that the normal row may not fall below, b what the row has beyond it without reactions."""
+    target is the velocity that the normal row may not fall below, b the excess of the row without reactions."""
     t = wp.tid()
     c = which[t]
     s0 = shape0[c]

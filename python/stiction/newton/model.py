@@ -1,4 +1,4 @@
-"""How a Newton model is laid out for `stiction.newton`, and what of it is refused."""
+"""Layout of a Newton model for `stiction.newton`, and the features that are refused."""
 
 from __future__ import annotations
 

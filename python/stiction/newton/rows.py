@@ -30,7 +30,7 @@ class Rows:
         self._dim, self._erp, self._slop, self._recovery, self._threshold = contact_dim, erp, slop, recovery, threshold
         self._link = [wp.array(np.ascontiguousarray(a), dtype=int, device=model.device) for a in (
             structure.body_articulation, structure.body_link, structure.first_dof, structure.dofs)]
-        self._kept = None  # what the next solve starts from
+        self._kept = None  # start of the next solve
         self.forget(None)
 
     # -- the rows -----------------------------------------------------------------------------------------------------
@@ -214,7 +214,7 @@ class Rows:
         self._of_place[which] = np.arange(len(which))
 
     def forget(self, mask):
-        """Drops what is kept of worlds where the mask is set (its last entry: of a model without worlds), or all."""
+        """Drops the impulses of worlds where the mask is set (its last entry: of a model without worlds), or all."""
         if mask is None or self._kept is None:
             self._kept = None
             self._last_contacts = None

@@ -81,7 +81,7 @@ def _quantiles(report, key, is_needed=True):
 
 
 def _facts(report):
-    """Lines of the table: what was run."""
+    """Lines of the table: the run."""
     keys = ("file", "scene", "device", "solver", "precision", "law", "form", "preconditioner", "islands", "pyramid", "environments",
             "rows", "cones", "steps", "bodies", "dt", "tolerance", "cores", "repeat", "threads", "gpu_utilisation", "sps", "quality", "effective_sps", "contacts",
             "gpu_utilisation_reason", "unconverged", "overflows", "deepest", "momentum_drift", "hash", "epoch")
@@ -110,7 +110,7 @@ def _histogram(label, values, is_log, what):
 
 def page(report: dict, name: str = "report", solution: dict | None = None) -> str:
     """The HTML of a report, as `--json` writes it. solution: arrays `iterations`, `residual` and `status` of the
-    solution file, for histograms. Raises ReportError, a ValueError, for what is no report.
+    solution file, for histograms. Raises ReportError, a ValueError, for files that are no report.
     """
     if not isinstance(report, dict):
         raise ReportError(f"expected an object, got {type(report).__name__}")
@@ -159,7 +159,7 @@ def page(report: dict, name: str = "report", solution: dict | None = None) -> st
 
 
 def _html(title, report, parts):
-    """A page of sections under a table of what was run."""
+    """A page of sections under a table of the run."""
     rows = "".join(f"<tr><td>{html.escape(key)}</td><td><code>{html.escape(value)}</code></td></tr>"
                    for key, value in _facts(report))
     title = html.escape(title)
@@ -237,7 +237,7 @@ def _whole(digits):
 
 
 def _check_out(out, inputs):
-    """Refuses a page in the place of what it is made from."""
+    """Refuses a page in the place of its source."""
     for path in inputs:
         if out.exists() and path.exists() and out.samefile(path):
             raise ReportError(f"the page would overwrite {path}; choose another --out")

@@ -78,8 +78,8 @@ def quantiles(label, values, is_log) -> str:
 
 
 def lines(label, xs, rows, name) -> str:
-    """Lines of {name: numbers at xs} over xs, which ascend from above zero: both axes from zero, a tick at every x. name:
-    what x is. A number that is None breaks its line.
+    """Lines of {name: numbers at xs} over xs, which ascend from above zero: both axes from zero, a tick at every x.
+    name: label of x. A number that is None breaks its line.
     """
     known = [value for row in rows.values() for value in row if value is not None]
     top, right, room, height = max(known, default=0) or 1, max(xs), _WIDTH - _LEFT - 130, 240
@@ -113,7 +113,7 @@ def lines(label, xs, rows, name) -> str:
 
 
 def histogram(label, counts, edges, names) -> str:
-    """Columns of counts between edges; names: of the first and last edge, and of what is counted."""
+    """Columns of counts between edges; names: of the first and last edge, and of the counted things."""
     top, room, height = max(counts, default=0) or 1, _WIDTH - 80, 180
     width = room / max(len(counts), 1)
     body = [f'<line x1="50" x2="{_WIDTH - 30}" y1="{height - 30}" y2="{height - 30}" class="grid"/>',

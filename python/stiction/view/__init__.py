@@ -38,7 +38,7 @@ _MOST_NODES = 300  # of a graph that is drawn
 
 
 class Recorder:
-    """Records worlds, MuJoCo simulations and batches for a viewer. It reads, and changes no bit of what it records.
+    """Records worlds, MuJoCo simulations and batches for a viewer. It reads, and changes no bit of its subject.
 
     path: of the file: .rrd for Rerun's viewer; .html, a page for any browser, or .viser by viser. None: a viewer is
         opened, or, by viser, a page is served to browsers of this machine.
@@ -74,7 +74,7 @@ class Recorder:
         self.close()
 
     def close(self) -> None:
-        """Writes what is still in memory, and ends the recording."""
+        """Writes frames still in memory, and ends the recording."""
         self._writer.close()
 
     def wait(self) -> None:
@@ -82,7 +82,7 @@ class Recorder:
         self._writer.wait()
 
     def log(self, subject, solution: Solution | None = None, step: int | None = None) -> None:
-        """Records what a World or a BatchedSimulation is now, or all environments of a batch.
+        """Records the present state of a World or a BatchedSimulation, or all environments of a batch.
 
         step: of a world or a simulation: its number on the timeline, None: one more than the last.
         solution: of a batch; None: it is solved here, by "auto".

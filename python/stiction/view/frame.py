@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-#: Colour of what has no contact, and of islands, in turn.
+#: Colour of bodies without contact, and of islands, in turn.
 GREY = (150, 150, 150)
 PALETTE = np.array([(66, 133, 244), (234, 134, 45), (52, 168, 83), (171, 71, 188), (0, 172, 193), (216, 67, 21),
                     (124, 179, 66), (236, 64, 122), (121, 85, 72), (92, 107, 192), (253, 216, 53), (0, 121, 107)], np.uint8)
@@ -88,8 +88,8 @@ def tangents(normal):
 
 
 def islands(count, pairs, touched=()):
-    """Labels (count,) of what pairs (m, 2) join: the smallest member's number, -1 of those in no pair. touched: members
-    that are islands although they have no partner. Members below 0 join nothing.
+    """Labels (count,) of the components of pairs (m, 2): the smallest member's number, -1 of those in no pair.
+    touched: members that are islands although they have no partner. Members below 0 join nothing.
     """
     label = np.arange(count)
     pairs = np.asarray(pairs, int).reshape(-1, 2)

@@ -50,7 +50,7 @@ class MujocoSource:
         return model.mesh_vert[slice(*vertices)].copy(), model.mesh_face[slice(*faces)].copy()
 
     def look(self):
-        """Copies what the frames of this time are made of."""
+        """Copies the source of the frames of this time."""
         status = self._simulation.status
         self.status = status if len(status) else np.zeros(self.env_count, STATUS_DTYPE)  # none before the first solve
 

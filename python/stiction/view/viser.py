@@ -165,7 +165,7 @@ class ViserWriter(Writer):
         self._state[_name(path)] = kind, {**self._state[_name(path)][1], **properties}
 
     def _commit(self):
-        """Ends the time that is recorded: shows what is known of it."""
+        """Ends the recorded time: shows its known state."""
         if self._times is None:
             return
         self._label()

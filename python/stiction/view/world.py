@@ -26,7 +26,7 @@ class WorldSource:
         self.reach = max((_reach(shape) for shape in world.shapes), default=0.0)
 
     def look(self):
-        """Copies what the frames of this time are made of."""
+        """Copies the source of the frames of this time."""
         self._state, self._contacts = self._world.state(), self._world.contacts()
         self.status = self._world.status
 

@@ -19,14 +19,14 @@ class Writer(abc.ABC):
 
     @abc.abstractmethod
     def close(self):
-        """Writes what is still in memory, and ends the recording."""
+        """Writes frames still in memory, and ends the recording."""
 
     def wait(self):
         """Shows the recording until the program is interrupted, where no other program does."""
 
     @abc.abstractmethod
     def at(self, **times):
-        """The time of what follows: integers are steps, others seconds."""
+        """The time of the next frames: integers are steps, others seconds."""
 
     @abc.abstractmethod
     def place(self, path, position, above):
@@ -66,8 +66,8 @@ class Writer(abc.ABC):
 
     @abc.abstractmethod
     def cones(self, path, title, reactions, positions, island, couplings):
-        """Draws what a batch's environment has besides contacts. title: what the file calls it. reactions: by row. Cones
-        have positions (n, 3) and an island (n,). couplings: pairs (m, 2) of them; None where they are too many."""
+        """Draws a batch environment's parts besides contacts. title: name in the file. reactions: by row. Cones have
+        positions (n, 3) and an island (n,). couplings: pairs (m, 2) of them; None where they are too many."""
 
     # -- what all backends share --------------------------------------------------------------------------------------
 
@@ -82,7 +82,7 @@ class Writer(abc.ABC):
             self.move(path, position, orientation)
 
     def contacts(self, path, contacts, force_scale, slip_scale, radius):
-        """Points, forces, friction cones and slip of an environment's contacts; what is not finite is left out."""
+        """Points, forces, friction cones and slip of an environment's contacts, without those that are not finite."""
         contacts = contacts.finite()
         self.points([*path, "contacts"], contacts.point, colours(contacts.island), radius, {
             "normal_force": contacts.force[:, 0], "mu": contacts.mu[:, 0], "island": contacts.island,
@@ -100,7 +100,7 @@ class Writer(abc.ABC):
             self.warn(f"{name} ended as {code_names[record['code']]}" + (f": {', '.join(raised)}" if raised else ""))
 
     def residual(self, entity, value):
-        """A residual, and its logarithm, which is what plots show; zero stands at 1e-17 there."""
+        """A residual, and its logarithm, which plots show; zero stands at 1e-17 there."""
         self.number(["residual", entity], value)
         if value >= 0:
             self.number(["log10_residual", entity], np.log10(max(value, 1e-17)))

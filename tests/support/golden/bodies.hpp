@@ -67,7 +67,7 @@ inline std::vector<GoldenMethod> golden_boxed_methods() {
   return methods;
 }
 
-/// Adds what a preconditioner's own options change; the orderings are those that every build has.
+/// Adds the changes by a preconditioner's own options; the orderings are those that every build has.
 inline void add_orderings(std::vector<GoldenMethod>& methods) {
   for (const BodyPreconditioner ordered : {BodyPreconditioner::incomplete_cholesky, BodyPreconditioner::factor}) {
     BodySpaceOptions space;

@@ -12,7 +12,7 @@
 #include "tests/support/golden/matrices.hpp"
 #include "tests/support/golden/robots.hpp"
 
-/// The golden hashes: what every build, compiler and machine must answer within one numerics epoch.
+/// The golden hashes: the answers of every build, compiler and machine within one numerics epoch.
 namespace stiction::test {
 
 /// A row of the table: name as GoldenCase has it.

@@ -26,7 +26,7 @@ struct Gpu {
 };
 constexpr Gpu kGpus[] = {{"H200", 132, 227, 228, 64}, {"A100", 108, 163, 164, 64}, {"RTX 4090", 128, 99, 100, 48}};
 
-/// Queues nothing, and looks at what it is to launch.
+/// Queues nothing, and checks its launches.
 class CountingDevice final : public cuda::DeviceApi {
  public:
   explicit CountingDevice(const Gpu& gpu) : gpu_(gpu) {

@@ -16,7 +16,7 @@
 #include "tests/support/systems/jacobian_systems.hpp"
 #include "tests/support/systems/roomy_jacobians.hpp"
 
-/// Jacobian batches on an emulated device, and what their answers are compared with.
+/// Jacobian batches on an emulated device, and answers to compare with.
 namespace stiction::test {
 
 /// A form of Jacobian batches.

@@ -18,7 +18,7 @@ namespace stiction::test {
 
 inline constexpr Law kLaw = Law::convex;
 
-/// Each environment, and behind it in memory one that is no numbers: what is read too far is read of those.
+/// Each environment, and behind it in memory one that is no numbers: reads beyond the end are of those.
 inline std::vector<Environment<double>> with_broken_neighbours(const std::vector<Environment<double>>& environments) {
   std::vector<Environment<double>> crowd;
   for (const auto& env : environments) {

@@ -6,7 +6,7 @@
 
 namespace stiction::test {
 
-/// Hashes of what the GPU's engine answers on an emulated device, by these rules.
+/// Hashes of the answers of the GPU's engine on an emulated device, by these rules.
 template <class Real>
 std::vector<std::uint64_t> on_engine(cuda::EmulatedDevice& device, const ContactBatch<Real>& batch,
                                      const SolverOptions& options, const cuda::ClassRules& rules = {}) {

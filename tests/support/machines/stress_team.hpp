@@ -8,8 +8,8 @@
 #include "cuda/emulated/emulated_team.hpp"
 
 /// A GPU block on the CPU: the emulated device's team of real threads that meet at a barrier and at nothing else. It
-/// offers what the concept promises and no more (one barrier an exchange, as CudaTeam does). An algorithm with a
-/// missing sync hence races here too.
+/// offers the concept's promises and no more (one barrier an exchange, as CudaTeam does). An algorithm with a missing
+/// sync hence races here too.
 namespace stiction::test {
 
 template <Index kTile>

@@ -44,7 +44,7 @@ std::vector<Real> torture_guess(bool warm, Offset rows) {
 }
 
 /// A batch solved by teams of `width` lanes, an environment at a time, whatever its size. The emulated device's memory
-/// is the host's: what is read before it is written would show.
+/// is the host's: a read before a write would show.
 template <class Real>
 Solution<Real> solve_on_teams(const ContactBatch<Real>& batch, const SolverOptions& options, Index width,
                               const std::vector<Real>& guess = {}) {

@@ -71,7 +71,7 @@ Answers<Real> solve_in_groups(const JacobianBatch<Real>& batch, const std::vecto
   return answers;
 }
 
-/// Memory of a worker that is written over before it is used: nothing may be taken from what was there.
+/// Memory of a worker that is written over before it is used: nothing may be taken from its earlier contents.
 class OverwrittenScratch {
  public:
   cpu::VelocityScratch& overwritten() {

@@ -11,7 +11,7 @@
 /// dual cone, one orthogonal to the other. Shares no formula with the natural map.
 namespace stiction::test {
 
-/// Each is the largest over all cones, relative to the size of what it compares.
+/// Each is the largest over all cones, relative to the size of the compared numbers.
 struct Certificate {
   long double primal = 0;           ///< by how much lambda leaves its cone       / largest reaction
   long double dual = 0;             ///< by how much the motion leaves its cone   / largest |b|

@@ -35,7 +35,7 @@ inline JacobianEnvironment<double> beside_one_another(const std::vector<Jacobian
   return whole;
 }
 
-/// How J and M are given.
+/// Form of J and M.
 struct Form {
   Index mass_block;
   MassForm mass_form;
@@ -112,7 +112,7 @@ struct JacobianGradients {
     return {J.data(), M.data(), v_free.data(), target.data(), R.data(), mu.data(), lo.data(), hi.data()};
   }
   [[nodiscard]] auto parts() { return std::array{&J, &M, &v_free, &target, &R, &mu, &lo, &hi}; }
-  /// All numbers, one behind the other.
+  /// All numbers, one after another.
   [[nodiscard]] std::vector<Real> all() const {
     std::vector<Real> numbers;
     for (const auto* part : {&J, &M, &v_free, &target, &R, &mu, &lo, &hi})

@@ -9,7 +9,7 @@
 
 namespace stiction::test {
 
-/// How far apart the motions of two approximate solutions of one convex system can be.
+/// Bound of the distance between the motions of two approximate solutions of one convex system.
 ///
 /// Let A + R be symmetric positive semidefinite, and let (lambda, w) and (lambda', w') have errors e and e'
 /// (docs/math/residual.md). Pairs that obey the law are no further away: a row's reaction by p_k, its motion by q_k.
@@ -18,7 +18,7 @@ namespace stiction::test {
 ///
 ///     g^2 = L (g norm(p) + norm(q) norm(d) + norm(p) norm(q)).
 ///
-/// A cone's error bounds the norm of unit_k d_k p_k and of unit_k q_k. Errors are themselves rounded: what that can be
+/// A cone's error bounds the norm of unit_k d_k p_k and of unit_k q_k. Errors are themselves rounded: that rounding
 /// joins them. No constant is fitted; a solution that is wrong by more than its residual explains does not pass.
 struct MotionBound {
   double difference;  ///< norm(w - w')

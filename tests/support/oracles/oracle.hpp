@@ -281,7 +281,7 @@ inline Answer solve_coulomb(const Environment<double>& env) {
   Number residual = 1;
   for (int round = 0; round < 2000 && !at_rest; ++round) {
     residual = detail::minimise(s, z, detail::kTolerance, detail::kMaxIterations);
-    // The motion without the term that was added: what the law is about.
+    // The motion without the term that was added: the subject of the law.
     std::vector<Number> y = detail::motion(s, z);
     for (std::size_t i = 0; i < s.n; ++i) y[i] += c[i] - s.c[i];
     std::size_t row = 0;

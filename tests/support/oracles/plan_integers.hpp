@@ -28,7 +28,7 @@ class PlanComparison {
  public:
   explicit PlanComparison(cuda::DeviceApi& api) : api_(api), stream_(api) {}
 
-  /// Empty, or what differs first.
+  /// Empty, or the first difference.
   std::string difference(const ContactBatch<double>& batch, const cuda::PlanArrays& device, const SortKeys& sort,
                          const ClassLimits& limits) {
     const ContactBatchView<double> view = batch.view();
@@ -92,8 +92,8 @@ class PlanComparison {
   std::string found_;
 };
 
-/// Plans a batch on a device and solves nothing, since no iteration is allowed. Empty, or what differs. `are_many`: as
-/// if its environments filled the device, a lane each.
+/// Plans a batch on a device and solves nothing, since no iteration is allowed. Empty, or the difference. `are_many`:
+/// as if its environments filled the device, a lane each.
 inline std::string difference_of_plans(cuda::DeviceApi& device, const ContactBatch<double>& batch,
                                        const SortKeys& sort = stable_order, bool are_many = false) {
   cuda::ClassRules rules;

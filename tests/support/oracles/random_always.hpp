@@ -9,7 +9,7 @@
 
 namespace stiction::test {
 
-/// Runs a property that returns what was violated and says in its argument what was left unsolved. With `always` every
+/// Runs a property that returns a violation and names unsolved environments in its argument. With `always` every
 /// system has to be solved. Else three of 60 may be left. For a solver that leaves one of ten thousand, to leave four
 /// of 60 is less likely than 1e-10.
 template <class Property>

@@ -81,7 +81,7 @@ inline std::string unsolved_text(const Solution<double>& solution) {
   return out.str();
 }
 
-/// And against the oracle, in what is unique: the motion, under the convex law. `unsolved` says whether it was solved.
+/// And against the oracle, in its unique part: the motion, under the convex law. `unsolved` says whether it was solved.
 inline std::string convex_violation(const Environment<double>& env, const SolverOptions& o, std::string& unsolved) {
   Solution<double> solution;
   std::string out = answer_violation(env, Law::convex, o, solution);
@@ -102,7 +102,7 @@ inline std::string convex_violation(const Environment<double>& env, const Solver
 
 /// Against the oracle under the Coulomb law, on a system whose solution is unique (mu sqrt(condition) < 1).
 ///
-/// How far a residual r lets w stray:
+/// Distance that a residual r lets w stray:
 ///
 /// * The convex map is Lipschitz with the condition number in circular coordinates. This is 9 / 0.03^2 = 1e4 for mu of
 ///   0.03 to 0.3 and a condition of 9.

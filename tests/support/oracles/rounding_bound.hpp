@@ -9,7 +9,7 @@
 
 namespace stiction::test {
 
-/// Diagonal of A + R and motion (A + R) lambda + b of one environment's row, with the sizes of what is added up.
+/// Diagonal of A + R and motion (A + R) lambda + b of one environment's row, with the sizes of their terms.
 struct RowSizes {
   double diagonal = 0, motion = 0, terms = 0, entries = 0;
 };
@@ -33,7 +33,7 @@ inline double axis_unit(double d_n, double d_k) {
   return d_n > 0 && d_k > 0 ? std::sqrt(d_n / d_k) : 1.0;
 }
 
-/// How far two evaluations in double of one environment's largest error (docs/math/residual.md) can be apart, absolute.
+/// Distance of two evaluations in double of one environment's largest error (docs/math/residual.md), absolute.
 ///
 /// Let u be the unit roundoff. A row's w = b + R lambda + A lambda is a sum of k + 2 terms. Whatever its order, fused
 /// or not, it errs by at most (k + 3) u S with S = abs(b) + (R + abs(A)) abs(lambda). (Higham, Accuracy and Stability

@@ -19,7 +19,7 @@ struct Gradients {
   [[nodiscard]] BatchCotangentView<Real> view() {
     return {A.data(), factor.data(), b.data(), R.data(), mu.data(), lo.data(), hi.data()};
   }
-  /// All numbers, one behind the other.
+  /// All numbers, one after another.
   [[nodiscard]] std::vector<Real> all() const {
     std::vector<Real> numbers;
     for (const auto* part : {&A, &factor, &b, &R, &mu, &lo, &hi})

@@ -29,7 +29,7 @@ struct OneCone {
   [[nodiscard]] Real block_entry(Index, int i, int j) const {
     return B[static_cast<std::size_t>(i)][static_cast<std::size_t>(j)];
   }
-  /// Does for a cone what load_system.hpp does.
+  /// Sets a cone's steps as load_system.hpp does.
   void set_steps() {
     const Real whole = largest_eigenvalue_bound<M, 0>(*this, 0);
     const Real tangential = max_(largest_eigenvalue_bound<M, 1>(*this, 0), whole * Real(kSmallestTangential));
@@ -67,7 +67,7 @@ void fill(OneCone<double, M>& cone, std::array<double, M>& q, const ConeRecipe& 
   cone.set_steps();
 }
 
-/// How far x is from Coulomb's law on B x + q, relative to the largest of the numbers it is made of.
+/// Distance of x from Coulomb's law on B x + q, relative to the largest of the numbers it is made of.
 template <int M>
 double law_violation(const OneCone<double, M>& cone, const std::array<double, M>& q, const double (&x)[M]) {
   long double w[M], pull = 0, speed = 0, along = 0, scale = 0;

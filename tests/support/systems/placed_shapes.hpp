@@ -7,7 +7,7 @@
 
 #include "core/algorithm/collision/collide.hpp"
 
-/// Shapes in known or random places, and what is true of them by definition alone.
+/// Shapes in known or random places, and facts about them by definition alone.
 namespace stiction::test {
 
 using Point = Vector3<double>;
@@ -46,7 +46,7 @@ inline double support(const Shape& shape, const Point& n) {
   return c.z > 1 - 1e-12 ? centre : HUGE_VAL;
 }
 
-/// How far b lies beyond a along n; negative where they overlap.
+/// Distance of b beyond a along n; negative where they overlap.
 inline double gap_along(const Shape& a, const Shape& b, const Point& n) {
   return -support(b, scaled(-1.0, n)) - support(a, n);
 }

@@ -12,7 +12,7 @@
 /// Random contact systems that are well posed by construction, for property tests. Everything follows from the seed.
 namespace stiction::test {
 
-/// How the cones of a random system follow one another.
+/// Order of a random system's cones.
 enum class ConeOrder {
   shuffled,        ///< kinds in random order, so that canonical order and file order differ
   friction_first,  ///< friction cones, then all others

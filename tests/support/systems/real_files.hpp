@@ -19,7 +19,7 @@
 
 namespace stiction::test {
 
-/// The folder with real contact problems: environment variable STICTION_SHARED_DIR, else what was configured.
+/// The folder with real contact problems: environment variable STICTION_SHARED_DIR, else the configured one.
 inline std::filesystem::path shared_folder() {
   const char* set = std::getenv("STICTION_SHARED_DIR");
   return set != nullptr ? set : STICTION_SHARED_DIR;
@@ -65,8 +65,8 @@ struct Unsolved {
   bool is_judged = true;  ///< the judge denies it, too
 };
 
-/// Expects what a status says to be what the judge finds: `solved` at or below the tolerance, anything else finite and
-/// above it. A record's residual and the judge's differ by what rounding hides of a row, a factor of less than two.
+/// Expects a status to agree with the judge: `solved` at or below the tolerance, anything else finite and above it. A
+/// record's residual and the judge's differ by the roundings of a row, a factor of less than two.
 inline void expect_honest(const EnvStatus& status, const Residual& judged, double tolerance) {
   EXPECT_TRUE(std::isfinite(judged.absolute)) << to_string(status.code);
   if (status.code == EnvCode::solved) {
@@ -84,7 +84,7 @@ inline void expect_solved_but_for(const std::string& file, const ContactBatch<do
                                   const SolverOptions& asked, const std::vector<Unsolved>& unsolved) {
   SCOPED_TRACE(file + ", " + to_string(asked.solver));
   SolverOptions o = asked;
-  o.stall_window = SolverOptions{}.stall_window;  // what a caller gets without asking
+  o.stall_window = SolverOptions{}.stall_window;  // a caller's default
   o.threads = 0;
   o.invalid = InvalidPolicy::isolate;
   const Solution<double> solution = solve(batch, o);

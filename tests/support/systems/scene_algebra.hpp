@@ -9,7 +9,7 @@
 
 namespace stiction::scenes {
 
-/// Dense row-major matrix; what the scenes compute sparsely is checked densely, by another method.
+/// Dense row-major matrix; the scenes' sparse results are checked densely, by another method.
 struct Dense {
   std::size_t rows = 0, cols = 0;
   std::vector<double> value;

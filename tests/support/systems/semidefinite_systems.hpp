@@ -21,7 +21,7 @@ struct MatrixRecipe {
   int matrices = 3;    ///< cones of 3 and of 6 rows in turn
   int contacts = 2;    ///< friction cones of 3 rows
   int others = 2;      ///< free, unilateral and box rows in turn
-  double shift = 0.3;  ///< what is added to the diagonal of G G' / n: the smaller, the harder
+  double shift = 0.3;  ///< addition to the diagonal of G G' / n: the smaller, the harder
 };
 
 /// A = G G' / n + shift, with G full of numbers in (-1, 1): symmetric and positive definite. Cones in a shuffled order.

@@ -160,8 +160,8 @@ inline Together together(const std::vector<JacobianEnvironment<double>>& parts, 
   return all;
 }
 
-/// Degrees of freedom in the opposite order, links before what they hang on. M's Cholesky factor then has no entries
-/// but between a link and its ancestors. Dense J and M.
+/// Degrees of freedom in the opposite order, links before their parents. M's Cholesky factor then has no entries but
+/// between a link and its ancestors. Dense J and M.
 inline JacobianEnvironment<double> reversed(JacobianEnvironment<double> env) {
   const auto dofs = static_cast<std::ptrdiff_t>(env.v_free.size());
   std::reverse(env.M.begin(), env.M.end());
@@ -170,7 +170,7 @@ inline JacobianEnvironment<double> reversed(JacobianEnvironment<double> env) {
   return env;
 }
 
-/// The factor of M in the place of M, block by block. Above the diagonal is what must not be read.
+/// The factor of M in the place of M, block by block. Above the diagonal are numbers that must not be read.
 inline JacobianEnvironment<double> with_factor(JacobianEnvironment<double> env, Index mass_block = 0) {
   const std::size_t dofs = env.v_free.size(), block = mass_block == 0 ? dofs : static_cast<std::size_t>(mass_block);
   for (std::size_t first = 0; first < dofs; first += block) {

@@ -18,7 +18,7 @@ struct Cone {
   Index rows;
 };
 
-/// One environment at one step: its cones, and what a solver is made to have answered.
+/// One environment at one step: its cones, and an answer made for a solver.
 template <class Real>
 struct EnvStep {
   std::vector<Cone> cones;

@@ -9,7 +9,7 @@
 #include "scenes/worlds.hpp"
 #include "stiction/world.hpp"
 
-/// Worlds for tests and what is read off them.
+/// Worlds for tests and readings of them.
 namespace stiction::test {
 
 inline WorldShape world_shape(Index body, ShapeKind kind, std::array<double, 3> size, double mu = 0.5, double e = 0) {

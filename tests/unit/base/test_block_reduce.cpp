@@ -11,8 +11,8 @@ namespace {
 
 using namespace stiction;
 
-/// One lane of a block of `size` whose lanes run one after the other. It computes what that lane would and shares
-/// memory with the others. Enough for what ends in one sync.
+/// One lane of a block of `size` whose lanes run one after the other. It has that lane's arithmetic and shares memory
+/// with the others. Enough for code that ends in one sync.
 struct SequentialLane {
   static constexpr Index kRowTile = 1;
   Index lane, count;
@@ -64,7 +64,7 @@ TEST(BlockReduce, TheSumHasTheSameBitsForEveryNumberOfLanes) {
   const double expected = sum_leaves<double>(serial, leaf);
   for (const Index size : {2, 3, 8, 16, 32, 33}) {
     // Runs lanes one after the other on shared leaves. The fold destroys them, so the last lane's answer counts, and
-    // what the lanes before it wrote is put back for it.
+    // the writes of the lanes before it are put back for it.
     double shared[kReduceLeaves] = {};
     double result = 0.0;
     for (Index lane = 0; lane < size; ++lane) {

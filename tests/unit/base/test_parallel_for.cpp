@@ -161,7 +161,7 @@ TEST(ParallelFor, DefectsAreTheSame) {
   spoiled([&](double*, double*, double*, double*, Index*, ConeKind* kind) { kind[0] = static_cast<ConeKind>(9); });
 }
 
-/// A sound batch is checked once: what else finds out what is wrong with it takes longer.
+/// A sound batch is checked once: finding a defect takes longer.
 TEST(Survey, PassesWhatIsNoDefect) {
   ContactBatch<double> batch = mixed_batch(100);
   EXPECT_TRUE(Survey<double>(batch.view(), true, false).passes(all_at_once));

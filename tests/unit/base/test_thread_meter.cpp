@@ -1,4 +1,4 @@
-// Times are compared with one another and with what a thread slept, which is a lower bound; never with a clock's limit.
+// Times are compared with one another and with a thread's sleep, which is a lower bound; never with a clock's limit.
 #include <gtest/gtest.h>
 
 #include <atomic>

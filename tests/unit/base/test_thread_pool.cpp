@@ -100,7 +100,7 @@ std::ptrdiff_t threads_of_this_process() {
 }
 
 /// One that is on its way to sleep may hold a lock for which the child's exit would wait forever. It happens once in
-/// thousands of forks, so the test asks for what rules it out.
+/// thousands of forks, so the test asks for its cause.
 TEST(ThreadPoolFork, NoWorkerOfOneTbbIsThereWhenTheProcessForks) {
   if (!cpu::has_pool(cpu::PoolKind::tbb)) GTEST_SKIP() << "built without oneTBB";
   const auto without = threads_of_this_process();

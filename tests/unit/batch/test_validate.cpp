@@ -288,8 +288,8 @@ TEST(Validate, ABatchInDeviceMemoryIsMisuse) {
   EXPECT_THROW(validate(view), Error);
 }
 
-// Offsets, columns and kinds are overwritten by numbers of every size. Under the address sanitizer a read out of bounds
-// ends the test, also one by gather() or asymmetry(), which index by what was called sound.
+// Offsets, columns and kinds are overwritten by numbers of every size. Under the address sanitizer a read out of
+// bounds ends the test, also one by gather() or asymmetry(), which index by sound data alone.
 TEST(Validate, HostileStructuresAreNeverReadOutOfBounds) {
   std::mt19937_64 random(99);
   const auto hostile = [&]() -> Offset {

@@ -66,7 +66,7 @@ TEST(BodiesBoxFriction, ASledgeByHand) {
         EXPECT_NEAR(solution.impulse[2], 2 * (y - vy), kFew);
       }
   };
-  expect_twist(0.9 * brake, -0.9 * brake, 0, 0);  // held: 1.27 times what a disk holds
+  expect_twist(0.9 * brake, -0.9 * brake, 0, 0);  // held: 1.27 times a disk's limit
   expect_twist(1, 0, 1 - brake, 0);               // along an axis: as Coulomb's
   expect_twist(1, 1, 1 - brake, 1 - brake);       // between two axes: braked by sqrt(2) mu
   expect_twist(-1, 0.5 * brake, brake - 1, 0);    // slides along one axis, sticks along the other

@@ -12,7 +12,7 @@
 #include "tests/support/error_message.hpp"
 #include "tests/support/systems/body_systems.hpp"
 
-/// Bodies at the edge of what a solve takes, and beyond it.
+/// Bodies at the edge of a solve's range, and beyond it.
 namespace stiction::test {
 
 namespace {
@@ -112,7 +112,7 @@ TEST(BodiesInputs, EveryNumberOfABatchIsLookedAt) {
     EXPECT_THAT(defects[0].message, ::testing::HasSubstr("body_b[env 1, contact 3] = " + std::to_string(body)));
   }
   Env moved = sound;
-  moved.bodies[2].kinematic = true;  // what it does not use may be anything
+  moved.bodies[2].kinematic = true;  // unused numbers may be anything
   moved.bodies[2].inv_mass = moved.bodies[2].inv_inertia[0] = moved.bodies[2].twist_change[1] = nan;
   EXPECT_TRUE(validate(batch_of<double>({sound, moved, sound}).view()).empty());
 }
@@ -161,7 +161,7 @@ TEST(BodiesInputs, MisuseIsNamed) {
               HasSubstr("solution.twist is null"));
 }
 
-/// A call that plans for itself gives what one with a plan gives, and refuses what plan() or solve() would.
+/// A call that plans for itself gives the result of one with a plan, and refuses what plan() or solve() would.
 TEST(BodiesInputs, APlanOfTheCallsOwnChangesNothing) {
   const auto batch = batch_of<double>({random_bodies(1, 5, 20), random_bodies(2, 7, 31), random_bodies(1, 5, 20)});
   for (const InvalidPolicy policy : {InvalidPolicy::reject, InvalidPolicy::isolate}) {

@@ -20,7 +20,7 @@ using namespace stiction;
 using namespace stiction::test;
 using oracle::Number;
 
-/// How the linear system of a step is written.
+/// Form of a step's linear system.
 enum class Step {
   right,           ///< [A -I; W L][dx; dw] = [w - A x - b; tau - w x]
   feasible_start,  ///< the same with a first right-hand side of zero

@@ -1,4 +1,4 @@
-// Boxed friction: answers by hand, by enumeration of all states, and by the law; what refuses it; hostile numbers.
+// Boxed friction: answers by hand, by enumeration of all states, and by the law; refusals; hostile numbers.
 #include <gtest/gtest.h>
 
 #include <cmath>

@@ -40,7 +40,7 @@ Point as_printed(const Point& x, double mu) {
   return {n, mu * n * x[1] / t, mu * n * x[2] / t};
 }
 
-/// x - p in the polar cone mu norm(t) <= -n and orthogonal to p in the cone (Moreau): what makes p the nearest point.
+/// x - p in the polar cone mu norm(t) <= -n and orthogonal to p in the cone (Moreau), so p is the nearest point.
 bool is_nearest(const Point& x, const Point& p, double mu) {
   const Point q{x[0] - p[0], x[1] - p[1], x[2] - p[2]};
   const bool in_cone = std::hypot(p[1], p[2]) <= mu * p[0] + 1e-12;

@@ -60,7 +60,7 @@ TEST(ChapterFormulas, SweepsOfPgsAreThoseOfTheTwoFormsAndNotOfTheirMixture) {
   scenes::Rng rng(1);
   int solved_as_printed = 0, other_after_two = 0;
   for (int trial = 0; trial < 200; ++trial) {
-    // The matrix is so well conditioned that each sweep is the best so far, which is what a solve returns.
+    // The matrix is so well conditioned that each sweep is the best so far, which a solve returns.
     const Lcp lcp = random_lcp(rng, 5, 5, 2.0);
     for (const int sweeps : {1, 2, 7}) {
       const std::vector<double> lambda = answer(lcp, SolverKind::pgs, 0, sweeps);

@@ -1,4 +1,4 @@
-// Cones of semidefinite: answers by hand, answers that systems were made for, the judge, what refuses them, hostile
+// Cones of semidefinite: answers by hand, answers that systems were made for, the judge, refusals, hostile
 // numbers.
 #include <gtest/gtest.h>
 

@@ -57,7 +57,7 @@ std::vector<Case> cases(Law law, int wanted) {
   return found;
 }
 
-/// How many contacts stick, slide and are open.
+/// Counts of contacts that stick, slide and are open.
 std::array<int, 3> modes(const Case& one) {
   std::array<int, 3> count{};
   std::size_t row = 0;
@@ -124,8 +124,8 @@ void symmetrise(const Environment<double>& env, std::vector<double>& direction) 
   each([&](double& entry, double& other, std::size_t k) { direction[k] = 0.5 * (entry + other); });
 }
 
-/// How far the loss can be from that of an exact answer, over the step, for both ends. A reaction of relative residual
-/// r is exact for a b that is r max|b| away.
+/// Distance of the loss from that of an exact answer, over the step, for both ends. A reaction of relative residual r
+/// is exact for a b that is r max|b| away.
 double noise(const Environment<double>& env, const std::vector<double>& nu, double step) {
   double size = 0.0, sum = 0.0;
   for (const double b : env.b) size = std::max(size, std::abs(b));
@@ -221,7 +221,7 @@ TEST(Derivative, IsThatOfTheNaturalMapAsAWhole) {
   }
 }
 
-/// In single precision all is computed in double from the same numbers, so that only what is returned is rounded.
+/// In single precision all is computed in double from the same numbers, so that only the result is rounded.
 TEST(Derivative, InSinglePrecisionIsThatOfTheSameNumbersRounded) {
   for (const Law law : kBothLaws)
     for (const Case& one : cases(law, 60)) {

@@ -1,4 +1,4 @@
-// Derivatives by J, M and v_free: against finite differences of solves, and what an adjoint velocity must not do.
+// Derivatives by J, M and v_free: against finite differences of solves, and an adjoint velocity's limits.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -86,7 +86,7 @@ TEST(DerivativeOfJacobians, IsThatOfFiniteDifferences) {
 }
 
 /// Without compliance, and for a loss of velocities, the adjoint velocity moves no row that sticks. It moves a sliding
-/// contact along what Coulomb's law leaves free.
+/// contact along the direction that Coulomb's law leaves free.
 TEST(DerivativeOfJacobians, TheAdjointVelocityKeepsWhatContactsHold) {
   const Form form = kForms[0];
   int sticking = 0, sliding = 0;

@@ -1,4 +1,4 @@
-// Changes of J, M and v_free pushed forward: against finite differences of solves, and against what is pulled back.
+// Changes of J, M and v_free pushed forward: against finite differences of solves, and against the pullback.
 #include <gtest/gtest.h>
 
 #include <algorithm>

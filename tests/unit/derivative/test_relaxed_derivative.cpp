@@ -28,7 +28,7 @@ std::vector<double> exact(const Environment<double>& env, Law law) {
   const ContactBatch<double> batch = batch_of({env}, law);
   for (const SolverKind solver : {SolverKind::newton, SolverKind::nsgs}) {
     const auto solution = solve(batch, options(solver, 1e-12, solver == SolverKind::newton ? 100 : 20000));
-    // Beside a contact that barely opens roundings are more than 1e-12 of what it needs.
+    // Beside a contact that barely opens roundings are more than 1e-12 of its need.
     if (solution.status[0].code == EnvCode::solved || solution.status[0].code == EnvCode::rounding)
       return solution.lambda;
   }

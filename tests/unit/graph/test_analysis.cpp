@@ -25,7 +25,7 @@ Environment<double> rows_of(const std::vector<double>& matrix, Index n) {
                 std::vector<double>(static_cast<std::size_t>(n), 1.0));
 }
 
-/// With steps enough that what is left is the tolerance at which iterations end: an error of the Rayleigh quotient far
+/// With so many steps that the error is the tolerance at which iterations end: an error of the Rayleigh quotient far
 /// below 1e-8.
 OperatorAnalysis settled(const Environment<double>& environment, AnalysisOptions options = {}) {
   options.max_steps = 1000;

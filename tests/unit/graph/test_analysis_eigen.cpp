@@ -63,8 +63,8 @@ void expect_bounds(const OperatorAnalysis& seen, const Values& values) {
   EXPECT_LE(seen.smallest * (1 - part(seen.smallest_steps)), smallest + slack);
 }
 
-/// Rank and definiteness where the spectrum leaves no doubt: nothing between a hundredth of and a hundred times what
-/// counts as zero.
+/// Rank and definiteness where the spectrum leaves no doubt: nothing between a hundredth and a hundred times the zero
+/// threshold.
 void expect_decisions(const OperatorAnalysis& seen, const MatrixXd& A, const Values& values) {
   const double zero = seen.rank_tolerance;
   const auto is_doubtful = [&](double value) {

@@ -30,7 +30,7 @@ Outcome outcome_of(const std::string& bytes, Read read) {
   }
 }
 
-/// Does what a caller does next with a batch, so that arrays that do not fit one another are noticed.
+/// Uses a batch as a caller does next, so that arrays that do not fit one another are noticed.
 void read_and_use(const InputFile& file) {
   const Recording recording = read_any(file);
   if (validate(recording.batch.view()).empty()) asymmetry(recording.batch.view());

@@ -2,7 +2,7 @@
 
 #include "tests/unit/io/test_io_support.hpp"
 
-// Every way in which a file can be well-formed HDF5 and yet not what it should be, and the sentence for it.
+// Every way in which a file can be well-formed HDF5 and yet wrong, and the sentence for it.
 namespace stiction::io::test {
 namespace {
 

@@ -19,7 +19,7 @@ using stiction::test::kAllSolvers;
 using stiction::test::options;
 using stiction::test::ragged_batch;
 
-/// A file's environments solved by nothing but what the file says.
+/// A file's environments solved by nothing but the file's options.
 template <class Real>
 std::vector<Real> replayed(const Recording& recording) {
   const RecordedSolve& solve = recording.solve.value();
@@ -294,7 +294,7 @@ TEST_F(RecorderTest, WhatDoesNotBelongTogetherIsRefused) {
   message_of(ErrorCode::invalid_argument, [&] { write_batch(at("b.h5"), bad); });
 }
 
-/// Two environments of J and M, of unlike sizes, and what npgs makes of them in three iterations.
+/// Two environments of J and M, of unlike sizes, and npgs' answer in three iterations.
 template <class Real>
 struct Hinged {
   explicit Hinged(MassForm form = MassForm::matrix, Index block = 0) : batch(Law::coulomb, form, block) {

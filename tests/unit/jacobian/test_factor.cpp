@@ -84,7 +84,7 @@ TEST(Factor, TheJudgeSeesTheSameResidualAndMotion) {
   const auto actual = verify(factor.view(), std::span<const double>(lambda));
   for (std::size_t e = 0; e < expected.size(); ++e)
     EXPECT_NEAR(actual[e].absolute, expected[e].absolute, 1e-12 * (1 + expected[e].absolute));
-  // A solve's report of its own answer is what the judge says.
+  // A solve's report of its own answer is the judge's.
   const auto solution = solve(factor, options(SolverKind::pgs, 0, 30));
   const auto judged = verify(factor.view(), std::span<const double>(solution.lambda));
   for (std::size_t e = 0; e < judged.size(); ++e)

@@ -28,7 +28,7 @@ std::vector<JacobianEnvironment<double>> several(Index mass_block = 0) {
   return envs;
 }
 
-/// CSR of the same J, in which what was written in order comes backwards and every third entry in two halves.
+/// CSR of the same J, in which ordered rows come backwards and every third entry in two halves.
 JacobianEnvironment<double> as_csr(JacobianEnvironment<double> env) {
   const std::size_t dofs = env.v_free.size(), n = env.mu.size();
   std::vector<double> values;
@@ -95,7 +95,7 @@ TEST(Jacobian, AFactorAndAMassMatrixAreTheSameThing) {
   auto envs = several();
   const auto expected = assemble(batch_of(envs).view());
   for (auto& env : envs) {
-    // Cholesky by the textbook's inner products; what lies above the diagonal must not be read.
+    // Cholesky by the textbook's inner products; entries above the diagonal must not be read.
     const std::size_t n = env.v_free.size();
     for (std::size_t i = 0; i < n; ++i)
       for (std::size_t j = 0; j <= i; ++j) {

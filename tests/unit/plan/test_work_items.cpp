@@ -13,7 +13,7 @@ using namespace stiction;
 
 const auto kEverybody = [](Offset) { return true; };
 
-/// How often each environment is dealt out.
+/// Counts each environment's deals.
 std::vector<int> dealt(const std::vector<cpu::WorkItem<ConeCounts>>& items, Offset envs) {
   std::vector<int> count(static_cast<std::size_t>(envs), 0);
   for (const auto& item : items)

@@ -257,7 +257,7 @@ TEST(Blocks, TheyFillTheWindowsOfASmallEnvironment) {
   std::vector<Index> order(10);
   for (std::size_t cone = 0; cone < 10; ++cone)
     order[static_cast<std::size_t>(place_of(places[cone]))] = static_cast<Index>(cone);
-  // Two of three and what fits beside each of them: the single one whole, one of the two that are left.
+  // Two of three and the blocks that fit beside each of them: the single one whole, one of the two that are left.
   EXPECT_EQ(order, (std::vector<Index>{9, 0, 1, 2, 8, 3, 4, 5, 6, 7}));
 }
 

@@ -71,7 +71,7 @@ JacobianSolution<Real> expect_solved(const Env& env, Law law, double tolerance, 
   return solution;
 }
 
-// 1224 degrees of freedom and 7488 rows: beyond what a lane takes, in either count.
+// 1224 degrees of freedom and 7488 rows: beyond a lane's limits, in either count.
 TEST(VelocityBlocks, SolvesAPyramidOfAThousandDegreesOfFreedom) {
   const Env env = boxes_as_jacobian(scenes::box_pyramid(8), {.compliance = 1e-3, .push = 1.0});
   ASSERT_GT(env.v_free.size(), 1000U);

@@ -303,7 +303,7 @@ TEST(VelocityNewton, EndsWhereItsIterationsDo) {
   const auto none = solve(batch_of({env}), o);
   EXPECT_NE(none.contact.status[0].code, EnvCode::solved);
   EXPECT_NE(none.contact.status[0].solver, SolverKind::velocity_newton);
-  // Nor is a step taken to a warm start; what is the answer already needs none.
+  // Nor is a step taken to a warm start; an answer already needs none.
   env = random_chain({3, 12});
   const auto answer = solve(batch_of({env}), options(SolverKind::automatic, 1e-8, 1000)).contact.lambda;
   auto near = answer;

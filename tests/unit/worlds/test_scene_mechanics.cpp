@@ -9,7 +9,7 @@
 #include "scenes/scenes.hpp"
 #include "tests/support/systems/scene_algebra.hpp"
 
-// The mechanics of the scenes against what one knows without them: weights, textbook matrices, rates of theory.
+// The mechanics of the scenes against independent knowledge: weights, textbook matrices, rates of theory.
 
 namespace stiction::scenes {
 namespace {

@@ -1,4 +1,4 @@
-// Worlds against mechanics: what flies, spins, collides, slides, bounces and stands.
+// Worlds against mechanics: bodies that fly, spin, collide, slide, bounce and stand.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

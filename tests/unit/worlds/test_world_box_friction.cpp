@@ -1,5 +1,5 @@
-// Worlds whose friction is boxed, against mechanics: what a slope that is turned about the vertical holds, and the path
-// of a sledge.
+// Worlds whose friction is boxed, against mechanics: the hold of a slope that is turned about the vertical, and the
+// path of a sledge.
 #include <gtest/gtest.h>
 
 #include <cmath>

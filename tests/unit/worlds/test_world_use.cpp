@@ -54,7 +54,7 @@ TEST(WorldUse, ResetBeginsAgainWhereTheMaskSays) {
   EXPECT_EQ(world.state().position[5], 0.5);
   EXPECT_EQ(world.state().twist[6 + 2], 0);
   EXPECT_EQ(world.state().position[2], landed[2]);
-  // Nothing of before reaches what comes: it falls as a new one does.
+  // No earlier state reaches later ones: it falls as a new one does.
   World<double> fresh(Device::cpu(), ball_above_floor(), 1);
   run(world, 120);
   run(fresh, 120);
@@ -107,8 +107,8 @@ TEST(WorldUse, SpeedsBeyondAllNumbersEndAsInvalidInput) {
   EXPECT_TRUE(std::isfinite(world.state().position[0]));
 }
 
-/// Squares of such spins overflow, so that the quaternion after the step has no length. No later step may call what
-/// follows from it solved.
+/// Squares of such spins overflow, so that the quaternion after the step has no length. No later step may call its
+/// successors solved.
 TEST(WorldUse, ABodyThatIsTurnedNoWayEndsAsInvalidInputAlone) {
   World<double> world(Device::cpu(), ball_above_floor(), 2);
   World<double> sound(Device::cpu(), ball_above_floor(), 2);

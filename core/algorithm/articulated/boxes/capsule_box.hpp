@@ -15,7 +15,7 @@ struct CapsuleInBox : SegmentInBox<T> {
   [[nodiscard]] STICTION_HD unsigned signs() const {
     return (this->h[0] > T(0) ? 1U : 0U) | (this->h[1] > T(0) ? 2U : 0U) | (this->h[2] > T(0) ? 4U : 0U);
   }
-  /// How much of the segment's half length a box's whole width along an axis is.
+  /// Width of a box along an axis, in units of the segment's half length.
   [[nodiscard]] STICTION_HD T width(Index k) const { return div_(T(2) * this->e[k], abs_(this->h[k])); }
 };
 

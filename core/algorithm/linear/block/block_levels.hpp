@@ -4,11 +4,11 @@
 #include "core/job/block_factor_view.hpp"
 
 /// Cholesky's factorisation of a block matrix by the levels of its plan, complete or not as the plan's pattern is. It
-/// is left-looking: one lane computes a block of L from what lower levels left, contributions in ascending column.
-/// (Davis 2006, section 4.8; levels: Anderson and Saad 1989.)
+/// is left-looking: one lane computes a block of L after lower levels, contributions in ascending column. (Davis 2006,
+/// section 4.8; levels: Anderson and Saad 1989.)
 namespace stiction::inline STICTION_ISA {
 
-/// Team `below` of L in row `row`: what the rows of L to its left leave of H's block, divided by its column's
+/// Team `below` of L in row `row`: H's block less the products of L's rows to its left, divided by its column's
 /// diagonal.
 STICTION_HD void factor_below(const BlockFactorView& plan, const BlockMatrix& H, Index row, Index below,
                               double* values) {

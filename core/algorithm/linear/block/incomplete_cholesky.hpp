@@ -8,7 +8,7 @@ namespace stiction::inline STICTION_ISA {
 /// has no fill. After a lost pivot it begins again with H's diagonal enlarged (Manteuffel 1980). A level is one phase
 /// of the triangular solves, and neighbours that follow each other make long runs of small levels: for CPUs.
 struct IncompleteCholesky {
-  /// A pivot below this part of the diagonal entry that it is left of is the rounding of what was subtracted.
+  /// A pivot below this part of its diagonal entry is the rounding of the subtracted terms.
   static constexpr double kLostPivot = 0x1p-44;
   /// First enlargement of the diagonal, and by how much the next is larger. The last, 64, is taken as it is: where a
   /// body has fewer neighbours than that, their blocks together no longer reach its diagonal.

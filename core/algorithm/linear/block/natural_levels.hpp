@@ -99,7 +99,7 @@ struct NaturalLevels {
     for (Index row = 0; row < rows; ++row)
       for (Index k = offsets[row]; k + 1 < offsets[row + 1]; ++k) ++column_offsets[columns[k] + 1];
     for (Index i = 0; i < rows; ++i) column_offsets[i + 1] += column_offsets[i];
-    // Back to front, so that what is left of the ends are the beginnings.
+    // Back to front, so that the ends that remain are the beginnings.
     for (Index row = rows - 1; row >= 0; --row)
       for (Index k = offsets[row + 1] - 2; k >= offsets[row]; --k) {
         const Index place = --column_offsets[columns[k] + 1];

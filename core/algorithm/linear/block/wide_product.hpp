@@ -20,7 +20,7 @@ inline constexpr bool kHasVelocity = false;
 template <class Real>
 inline constexpr bool kHasVelocity<FactorSystem<Real>> = true;
 
-/// Computes what all rows share: nothing, or the velocity Y' v.
+/// Computes the product's common part of all rows: nothing, or the velocity Y' v.
 template <Team TeamT, class Real>
 STICTION_HD void prepare_wide_product(TeamT&, const SparseSystem<Real>&, const double*) {}
 template <Team TeamT, class Real>
@@ -39,7 +39,7 @@ STICTION_HD_OUTLINE void prepare_wide_product(TeamT& team, const FactorSystem<Re
   });
 }
 
-/// start + row i of A times v, v being what the product was prepared for.
+/// start + row i of A times v, for which the product was prepared.
 template <class Real>
 STICTION_HD_OUTLINE double wide_row(const SparseSystem<Real>& s, Index i, const double* v, double start) {
   return s.gather(i, v, start);

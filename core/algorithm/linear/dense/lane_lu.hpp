@@ -3,8 +3,8 @@
 #include "core/base/pack.hpp"
 #include "core/team/team.hpp"
 
-/// General square matrices of doubles side by side, one in each lane of a pack. Each lane does what factor_lu() and
-/// solve_lu() of dense_lu.hpp do for one matrix, number by number, and has their bits. Host only.
+/// General square matrices of doubles side by side, one in each lane of a pack. Each lane does the work of factor_lu()
+/// and solve_lu() of dense_lu.hpp for one matrix, number by number, and has their bits. Host only.
 namespace stiction::inline STICTION_ISA {
 
 /// W matrices that share their place, entry (i, j) of each beside those of the others. A smaller one is filled up with

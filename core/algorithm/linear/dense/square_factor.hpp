@@ -15,7 +15,7 @@ struct SquareMatrix {
   STICTION_HD Real& operator()(Index i, Index j) const { return data[i + n * j]; }
 };
 
-/// Columns that are factored together, so that what is read of the columns before is used for all of them.
+/// Columns that are factored together, so that each read of the columns before serves all of them.
 inline constexpr Index kPanel = 4;
 
 /// The sums over the columns before a panel: K(i, first + c) less those of K(i, k) L(first + c, k), of kCount rows.

@@ -8,8 +8,8 @@ namespace stiction::inline STICTION_ISA {
 inline constexpr Index kStabilizedVectors = 7;
 
 /// Biconjugate gradients stabilized (van der Vorst 1992) for an A that need not be symmetric, preconditioned from the
-/// right, in kStabilizedVectors vectors. The residual is measured by its length. A breakdown ends it: x is then what
-/// there is. The outcome is on every lane.
+/// right, in kStabilizedVectors vectors. The residual is measured by its length. A breakdown ends it: x is then the
+/// last iterate. The outcome is on every lane.
 template <Team TeamT, class Operator, class Preconditioner>
 STICTION_HD_OUTLINE GradientOutcome bicgstab(TeamT& team, const Operator& A, const KrylovProblem& problem,
                                              const Preconditioner& preconditioner) {

@@ -70,7 +70,7 @@ struct Multigrid {
     } while (l > 0);
   }
 
-  /// A level's numbers, for what reads the hierarchy.
+  /// A level's numbers, for readers of the hierarchy.
   [[nodiscard]] STICTION_HD GridLevel level(Index l) const { return grids().level(l, finest); }
 
  private:

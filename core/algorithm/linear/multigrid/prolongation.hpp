@@ -4,7 +4,7 @@
 #include "core/algorithm/linear/block/block_product.hpp"
 #include "core/job/multigrid_view.hpp"
 
-/// How a coarse body's twist becomes its members' (docs/math/multigrid.md).
+/// Map from a coarse body's twist to its members' (docs/math/multigrid.md).
 namespace stiction::inline STICTION_ISA {
 
 /// Coordinates of a position.
@@ -38,7 +38,7 @@ struct RigidMotions {
                 T);
   }
   /// The coarse body that `body` takes `other` to move with: other's, or its own where other has none that the
-  /// prolongation knows in this row. It then feels no force from it, and what is rigid remains so.
+  /// prolongation knows in this row. It then feels no force from it, and rigid motions remain so.
   [[nodiscard]] STICTION_HD double seen(const BlockPattern& prolongation, Index body, Index other) const {
     const auto joined = static_cast<Index>(label[other]);
     const bool is_known = joined == level.aggregate[other] || find_block(prolongation, body, joined) >= 0;
@@ -67,8 +67,8 @@ STICTION_HD_OUTLINE void prolong_rigidly(TeamT& team, const RigidMotions& rigid,
   });
 }
 
-/// P = (I - damping D^-1 H) T with D the diagonal blocks of H: rigid motions, and around the seams between aggregates
-/// what costs less.
+/// P = (I - damping D^-1 H) T with D the diagonal blocks of H: rigid motions, and cheaper ones around the seams
+/// between aggregates.
 template <Team TeamT>
 STICTION_HD_OUTLINE void prolong_smoothly(TeamT& team, const RigidMotions& rigid, const BlockDiagonal& D,
                                           double damping, const BlockMatrix& P) {

@@ -69,7 +69,7 @@ struct Smoother {
   }
 };
 
-/// Steps of the power method, and what its answer, which is never too large, is multiplied by. The test of the smoother
+/// Steps of the power method, and the factor of its answer, which is never too large. The test of the smoother
 /// compares with the exact eigenvalue.
 inline constexpr Index kPowerSteps = 12;
 inline constexpr double kPowerMargin = 1.1;

@@ -69,8 +69,8 @@ STICTION_HD_OUTLINE void renew_descent(TeamT& team, const SpaceWorkspace& worksp
   for_each(team, workspace.bodies, [&](Index row) { renew_descent_of(workspace, row); });
 }
 
-/// Motion, with its shift, at workspace.point. Steps add to it what they change. Recomputed, its rounding would be
-/// that of the velocities, and a stiff contact answers to it (docs/math/body_newton.md, "Rounding").
+/// Motion, with its shift, at workspace.point. Steps add their changes to it. Recomputed, its rounding would be that
+/// of the velocities, and a stiff contact answers to it (docs/math/body_newton.md, "Rounding").
 template <Team TeamT>
 STICTION_HD_OUTLINE void renew_space_motion(TeamT& team, const SpaceWorkspace& workspace) {
   for_each(team, workspace.contacts, [&](Index p) {
@@ -81,7 +81,7 @@ STICTION_HD_OUTLINE void renew_space_motion(TeamT& team, const SpaceWorkspace& w
   });
 }
 
-/// The reaction to a contact's motion, and what its shift would be.
+/// The reaction to a contact's motion, and the shift it would have.
 STICTION_HD void answer_motion(SpaceContact& contact, Law law, double compliance) {
   unprojected(contact, contact.u, compliance, contact.z);
   const ConePoint point = project_friction_cone(contact.z, contact.mu);
@@ -90,7 +90,7 @@ STICTION_HD void answer_motion(SpaceContact& contact, Law law, double compliance
     contact.reaction[k] = point.x[k];
     slide[k] = fma_(compliance, point.x[k], contact.u[k]);
   }
-  // A contact that is held does not slide: what is left of its motion goes with the proximal term.
+  // A contact that is held does not slide: the rest of its motion goes with the proximal term.
   contact.sliding =
       point.is_inside || law == Law::convex ? 0.0 : contact.mu * sqrt_(fma_(slide[2], slide[2], slide[1] * slide[1]));
 }
@@ -148,12 +148,12 @@ STICTION_HD LinePoint look_along(const SpaceContact& contact, double compliance,
   return part;
 }
 
-/// Slope and curvature at a place of the line: what bodies have at 0, and what contacts have there.
+/// Slope and curvature at a place of the line: those of bodies at 0, and those of contacts there.
 STICTION_HD LinePoint at_place(const LinePoint& bodies, const LinePoint& contacts, double alpha) {
   return {fma_(alpha, bodies.curvature, bodies.slope) + contacts.slope, bodies.curvature + contacts.curvature};
 }
 
-/// `bodies`: what they add at alpha = 0.
+/// `bodies`: their part at alpha = 0.
 template <Team TeamT>
 STICTION_HD_OUTLINE LinePoint evaluate_along(TeamT& team, const SpaceWorkspace& workspace, const LinePoint& bodies,
                                              double compliance, double alpha) {

@@ -85,7 +85,7 @@ STICTION_HD void mirror_block(const double* lower, double* upper) {
     for (Index j = 0; j < kBodyBlock; ++j) upper[i * kBodyBlock + j] = lower[j * kBodyBlock + i];
 }
 
-/// A block of H at or below the diagonal; what is above it in the diagonal block mirrors what is below.
+/// A block of H at or below the diagonal; entries above it in the diagonal block mirror those below.
 STICTION_HD void assemble_lower_block(const SpaceWorkspace& workspace, Index row, Index k) {
   double* const sum = workspace.H.block(k);
   assemble_block(workspace, row, k, sum);

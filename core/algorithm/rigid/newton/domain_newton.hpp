@@ -6,7 +6,7 @@
 #include "core/algorithm/rigid/newton/newton_bodies.hpp"
 
 /// Newton's method in body space, a contact and a body at a time, for ranks that each have some of them
-/// (docs/math/domain_newton.md). It computes what newton_bodies.hpp does; sums and maxima are the caller's.
+/// (docs/math/domain_newton.md). Its arithmetic is that of newton_bodies.hpp; sums and maxima are the caller's.
 namespace stiction::inline STICTION_ISA {
 
 /// sum + v'w over the six numbers of a body.

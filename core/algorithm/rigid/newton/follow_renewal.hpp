@@ -94,9 +94,9 @@ STICTION_HD void finish_renewal(const SpaceWorkspace& workspace, SpaceContact& c
 }
 
 /// The first step after a renewal: the new problem as it would be if no contact changed how it is held, sliding or
-/// open. The motion by weights and shifts is linear then, and needs no line search; what the step overlooks is left to
-/// the next. With sliding, shifts follow the velocities within the step, which makes it one of Newton's method on
-/// Coulomb's law itself. Without, they become what they should have been before it.
+/// open. The motion by weights and shifts is linear then, and needs no line search; terms that the step overlooks are
+/// left to the next. With sliding, shifts follow the velocities within the step, which makes it one of Newton's method
+/// on Coulomb's law itself. Without, they become their proper values before it.
 template <Team TeamT>
 STICTION_HD_OUTLINE void follow_renewal(TeamT& team, const SpaceWorkspace& workspace, const BodySpaceOptions& space,
                                         double compliance, bool with_sliding) {

@@ -18,9 +18,9 @@ struct SpaceContact {
   double prox_weight;     ///< weight rho of the proximal term [1/kg]
   double prox_center[3];  ///< its centre [N s]
   double shift;           ///< lagged de Saxce term, on the normal row [w]
-  double sliding;         ///< what that term would be now: mu norm(w_t) [w]
+  double sliding;         ///< present value of that term: mu norm(w_t) [w]
   double u[3];            ///< J v + bias + shift [w]
-  double z[3];            ///< what the reaction is the projection of [N s]
+  double z[3];            ///< the reaction is its projection [N s]
   double reaction[3];     ///< gamma(u) [N s]
   double along[3];        ///< J d [w]
   double slope;           ///< the contact's part of the line's slope
@@ -48,9 +48,9 @@ struct SpaceWorkspace {
   double* descent;      ///< M^-1 J' gamma - p: minus the gradient as a twist               (6 bodies)
   double* force;        ///< minus the gradient, M (M^-1 J' gamma - p)                      (6 bodies)
   double* positions;    ///< of bodies, from the lowest of their island [m]                 (3 bodies)
-  double* gradients;    ///< what the solvers of linear systems keep                        (kVectors * 6 bodies)
+  double* gradients;    ///< arrays of the solvers of linear systems                        (kVectors * 6 bodies)
   BlockMatrix H;        ///< M + J'WJ, symmetric
-  BlockMatrix sliding;  ///< the same with what shifts change when velocities do, under Coulomb's law; not symmetric
+  BlockMatrix sliding;  ///< the same with changes of shifts by velocities, under Coulomb's law; not symmetric
   double* preconditioner;
 
   static constexpr Offset kContactDoubles = sizeof(SpaceContact) / sizeof(double);

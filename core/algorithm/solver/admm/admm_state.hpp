@@ -34,7 +34,7 @@ struct AdmmState {
   Index n;
   AdmmForm form;
   double* scale;         ///< of each row; the same on all rows of a cone
-  double* g;             ///< what is iterated: z is its projection, u = g - z the dual over -rho
+  double* g;             ///< iterate: z is its projection, u = g - z the dual over -rho
   double* z;             ///< feasible
   double* v;             ///< minimiser near z - u, on no cone
   double* f;             ///< change of g that a plain step makes

@@ -38,8 +38,8 @@ STICTION_HD_OUTLINE void factor_matrix(TeamT& team, const System& s, const AdmmS
   factor_ldl(team, a.factor, kFloor * rho);
 }
 
-/// Computes what the factor does not know of an A that is not symmetric, from the motion that was recorded with x. It
-/// is the motion less load, less K + rho as the factor has it, plus rho. Once in a chunk is often enough, since it is
+/// Computes the part of an asymmetric A that the factor lacks, from the motion that was recorded with x. It is the
+/// motion less load, less K + rho as the factor has it, plus rho. Once in a chunk is often enough, since it is
 /// small.
 template <Team TeamT, class System>
 STICTION_HD_OUTLINE void find_skew(TeamT& team, const System& s, const AdmmState& a, double rho) {

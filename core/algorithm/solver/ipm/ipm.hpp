@@ -26,7 +26,7 @@ struct Ipm {
   static STICTION_HD constexpr int patience(Law law) { return law == Law::coulomb ? 60 : 10; }
   /// A residual that many times the best is not coming back.
   static constexpr float kLost = 1e12F;
-  /// Complementarity kept for every unit of what the shift moved.
+  /// Complementarity kept for every unit of the shift's move.
   static constexpr double kShiftGuard = 0.1;
 
   /// State between iterations.
@@ -112,8 +112,8 @@ struct Ipm {
     });
   }
 
-  /// Ends a run whose residual no longer falls. Reads what was recorded of the iteration before; the first iteration's
-  /// was not an interior point.
+  /// Ends a run whose residual no longer falls. Reads the record of the iteration before; the first iteration's was
+  /// not an interior point.
   template <Law kLaw, Team TeamT, class System>
   static STICTION_HD_OUTLINE void watch(TeamT& team, System& s) {
     using Real = typename System::Real;

@@ -7,8 +7,8 @@
 /// room for K.
 namespace stiction::inline STICTION_ISA {
 
-/// How far conjugate gradients go, relative to the force in the norm that the preconditioner makes. Their remainder is
-/// a linear residual like any other, which the next iteration sees. The force itself falls with the complementarity.
+/// Accuracy of conjugate gradients, relative to the force in the preconditioner's norm. Their remainder is a linear
+/// residual like any other, which the next iteration sees. The force itself falls with the complementarity.
 inline constexpr double kStartAccuracy = 1e-3;
 inline constexpr double kPredictorAccuracy = 1e-2;
 inline constexpr double kCorrectorAccuracy = 1e-3;

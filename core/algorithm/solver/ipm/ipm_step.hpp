@@ -9,7 +9,7 @@ namespace stiction::inline STICTION_ISA {
 /// A fixed row's place on the diagonal of K: no step.
 inline constexpr double kHeldRow = 0x1p+512;
 /// Term added to the diagonal of K, relative to A's. Directions of which neither A nor a barrier knows anything any
-/// more are hence left alone instead of taking what rounding says.
+/// more are hence left alone instead of following roundings.
 inline constexpr double kRegularisation = 0x1p-46;
 
 /// Entry k of D at a cone's first row: W^-2 in the frame, or both bounds' multiplier over slack.
@@ -91,8 +91,8 @@ STICTION_HD_OUTLINE void factor_step(TeamT& team, const System& s, const IpmSpac
   factor_ldl(team, p.K, 0.0);
 }
 
-/// step = K^-1 force, refined: what the regularisation and an asymmetric part of A took from it comes back. Conjugate
-/// gradients stop at `accuracy`.
+/// step = K^-1 force, refined: the parts of the regularisation and of an asymmetric A come back. Conjugate gradients
+/// stop at `accuracy`.
 template <Team TeamT, class System>
 STICTION_HD_OUTLINE void solve_step(TeamT& team, const System& s, const IpmSpace& p, double accuracy) {
   if constexpr (kMultipliesWide<System>)

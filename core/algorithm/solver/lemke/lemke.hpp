@@ -179,7 +179,7 @@ struct Lemke {
     single(team, [&] { s.scalar[kOutcome] = static_cast<typename System::Real>(outcome); });
   }
 
-  /// The complement of what leaves the basis enters next.
+  /// The complement of the leaving variable enters next.
   template <Team TeamT>
   static STICTION_HD_OUTLINE void enter_next(TeamT& team, const Tableau& t, Index leaving) {
     single(team, [&] { t.state[kEntering] = static_cast<double>(leaving < t.n ? leaving + t.n : leaving - t.n); });
@@ -231,8 +231,8 @@ struct Lemke {
     const Index pair = entering < t.n ? entering : entering - t.n;
     const double direction = t.side[pair];
     const Index c = t.column_of(entering);
-    // Elimination leaves a pair basic twice, and another not at all, where what is left after a pivot off the diagonal
-    // is rounding. No path leads on from there, and none has ended on a ray.
+    // Elimination leaves a pair basic twice, and another not at all, where the entry after a pivot off the diagonal is
+    // rounding. No path leads on from there, and none has ended on a ray.
     const bool is_broken = t.is_basic(entering);
     const Blocking next =
         is_broken ? Blocking{Blocking::kNothing, 0.0} : first_blocking(team, t, entering, direction, false);

@@ -11,7 +11,7 @@ struct Blocking {
   double step;  ///< how far it gets
 };
 
-/// How a step ending at `row` depends on the perturbation e of y_j: the coefficient of e^j in its length.
+/// Dependence of a step ending at `row` on the perturbation e of y_j: the coefficient of e^j in its length.
 STICTION_HD double perturbed_step(const Tableau& t, Index row, Index j, Index c, double direction) {
   if (row == t.n) return 0.0;
   const Index y = t.n + j;

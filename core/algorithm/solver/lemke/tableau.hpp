@@ -25,7 +25,7 @@ struct Tableau {
   double* place;   ///< where x_j, y_j are: row r >= 0, or -1 - c for column c                     (2n)
   double* column;  ///< the pivot's column                                                         (n)
   double* ratio;   ///< step at which each row blocks; before that which x_j are wanted            (n)
-  double* state;   ///< what the method remembers                                                  (4)
+  double* state;   ///< state of the method                                                        (4)
   double* base;    ///< with axes: of an axis its normal row, of the pair that holds it the axis   (n)
   DenseMatrix T;   ///< values of the basic variables, z0's column, the pairs' columns             (n * (n + 2))
 
@@ -201,7 +201,7 @@ STICTION_HD_OUTLINE void write_dictionary(TeamT& team, const System& s, const Ta
   });
 }
 
-/// The values of the basic y: b plus what x at rest contributes.
+/// The values of the basic y: b plus the contributions of x at rest.
 template <Team TeamT, class System>
 STICTION_HD_OUTLINE void write_values(TeamT& team, const System& s, const Tableau& t) {
   for_each(team, t.n, [&](Index i) {

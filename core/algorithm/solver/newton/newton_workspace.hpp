@@ -14,10 +14,10 @@ enum NewtonVector : Index {
   kCompliance = 0,  ///< R, in the solver's coordinates
   kPoint,           ///< zeta; proximal: x
   kMotion,          ///< u = A zeta + b; proximal: y = (A + R) x + b
-  kGap,             ///< zeta - x(u); proximal: what the natural map is off by
+  kGap,             ///< zeta - x(u); proximal: error of the natural map
   kStep,            ///< Newton's direction d
   kImage,           ///< A d; proximal: (A + R) d
-  kConeSlope,       ///< by cone: what a sum over cones is made of
+  kConeSlope,       ///< by cone: terms of a sum over cones
   kConeCurvature,   ///< the same
   kContactStates,   ///< by cone: ConeZone at the last factorisation
   kUnknown,         ///< right-hand side and solution of the factored system

@@ -16,8 +16,8 @@ inline constexpr double kPrimalCare = 1e-9;
 /// Steps for one linear system at most.
 inline constexpr Index kMostPrimalSteps = 500;
 
-/// A guess of t in kGuess: C'H r, H being R and the curvature of the cone's boundary. It takes from r what the cone
-/// itself would. (C C'H projects onto the directions in which its reaction can change.) The residual that is left is
+/// A guess of t in kGuess: C'H r, H being R and the curvature of the cone's boundary. It subtracts from r the cone's
+/// own answer. (C C'H projects onto the directions in which its reaction can change.) The residual that is left is
 /// then that of the cones' own laws instead of a reaction's.
 template <class Shape, int M>
 STICTION_HD void guess_unknown(Shape, const NewtonWorkspace& workspace, Index row, const CompliantPoint<M>& point,

@@ -122,7 +122,7 @@ STICTION_HD_OUTLINE void factor_curvature(TeamT& team, const System& s) {
   factor_ldl(team, K, 0.0);
 }
 
-/// kUnknown, the right-hand side, becomes the solution: of what was factored, or to `accuracy` by gradients.
+/// kUnknown, the right-hand side, becomes the solution: of the factored matrix, or to `accuracy` by gradients.
 template <Team TeamT, class System>
 STICTION_HD void solve_curvature(TeamT& team, const System& s, double accuracy) {
   const NewtonWorkspace workspace = newton_room(s);
@@ -134,7 +134,7 @@ STICTION_HD void solve_curvature(TeamT& team, const System& s, double accuracy) 
   solve_ldl(team, workspace.matrix(1), workspace.vector(kUnknown));
 }
 
-/// d = -r + C t with (I + C'AC) t = C'A r, and A d. Gradients look for what t is apart from a guess.
+/// d = -r + C t with (I + C'AC) t = C'A r, and A d. Gradients solve for the difference of t from a guess.
 template <Team TeamT, class System>
 STICTION_HD_OUTLINE void find_direction(TeamT& team, const System& s, double accuracy) {
   const NewtonWorkspace workspace = newton_room(s);

@@ -32,7 +32,7 @@ inline constexpr double kInnerPart = 0.1;
 template <int M>
 struct ProximalPoint {
   double gap[M];
-  double z[M];    ///< what is projected
+  double z[M];    ///< point that is projected
   double weight;  ///< 1 / D: the gap in units of w
   double lo, hi;
 };

@@ -11,7 +11,7 @@ inline constexpr Index kMostGroupBlocks = 64;
 /// Blocks of M + J'GJ for each row, at most. Conjugate gradients multiply its 36 numbers a block, sweeps on A multiply
 /// the square of the rows.
 inline constexpr Offset kBlocksPerRow = 4;
-/// Most rows: what is counted by an Index stays below its limit.
+/// Most rows: counts by an Index stay below its limit.
 inline constexpr Index kMostRowsInBlocks = 1 << 21;
 
 /// Returns true if Newton's method in velocities may take an environment in blocks, by its size. Its form is known to

@@ -48,7 +48,7 @@ class BlockNewton {
   }
   [[nodiscard]] STICTION_HD bool can_sweep() const { return can_sweep_ && has_slip_; }
 
-  /// The first point: no change of v_free, or what the warm start says if the function (3) is not larger there.
+  /// The first point: no change of v_free, or the warm start's if the function (3) is not larger there.
   STICTION_HD_OUTLINE double start() {
     const bool by_reactions =
         job_.warm_start != nullptr && (progress_.has_outer || job_.warm_velocity == nullptr) && load_reactions();
@@ -267,7 +267,7 @@ class BlockNewton {
     terms_.refresh_force(team_, mass_);
   }
 
-  /// Force times what it would do to degrees of freedom one by one.
+  /// Force times its motion of the degrees of freedom one by one.
   [[nodiscard]] STICTION_HD double force_energy() {
     return sum_leaves<double>(team_, [&](Index leaf) {
       double sum = 0.0;

@@ -155,7 +155,7 @@ struct BlockTerms {
   struct Along {
     double slope;      ///< at its beginning
     double curvature;  ///< of the quadratic model
-    double noise;      ///< what rounding makes of a slope that is zero
+    double noise;      ///< rounding of a slope that is zero
   };
   template <Team TeamT>
   STICTION_HD_OUTLINE Along line_products(TeamT& team, const MassBlocks& mass) const {

@@ -64,13 +64,13 @@ struct BlockWorkspace {
 
   double* J;              ///< of each touch, kBodyBlock numbers for each of its cone's rows
   double* Y;              ///< M^-1 J' of each cone, for the blocks that it pushes
-  double* target;         ///< what rows aim at                                             (rows)
+  double* target;         ///< targets of rows                                              (rows)
   double* b;              ///< J v_free - target                                            (rows)
   double* R;              ///< compliance                                                   (rows)
   double* mu;             ///< friction; 1 on a cone's first row                            (rows)
   double* prox;           ///< weight of the proximal term                                  (rows)
   double* prox_center;    ///< its centre                                                   (rows)
-  double* shift;          ///< what is added to the motion                                  (rows)
+  double* shift;          ///< term added to the motion                                     (rows)
   double* z;              ///< motion with its shift                                        (rows)
   double* x;              ///< reactions at z                                               (rows)
   double* G_rows;         ///< a row's slope; of a cone, the normal's, and direction of -z_t  (rows)
@@ -90,7 +90,7 @@ struct BlockWorkspace {
   double* steps;          ///< of a sweep: inv_n, inv_t, damping, share                     (kSteps cones)
   double* axis_press;     ///< ConeMetric's weights                                         (rows)
   double* axis_slip;      ///<                                                              (rows)
-  double* weight;         ///< what steps count as in units of w                            (cones)
+  double* weight;         ///< weights of steps in units of w                               (cones)
   double* share;          ///< of its island, over the largest error scale                  (cones)
   double* line_slope;     ///< of each cone, along a line                                   (cones)
   double* line_curve;     ///<                                                              (cones)

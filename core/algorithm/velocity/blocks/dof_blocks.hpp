@@ -7,7 +7,7 @@
 namespace stiction::inline STICTION_ISA {
 
 /// An environment's degrees of freedom in blocks of up to kBodyBlock that follow one another, in the order of numbers.
-/// A group of blocks is what M may couple: blocks of two groups have no entry of M between them.
+/// A group of blocks may be coupled by M: blocks of two groups have no entry of M between them.
 struct DofBlocks {
   Index count = 0;    ///< blocks
   Index groups = 0;   ///< of blocks

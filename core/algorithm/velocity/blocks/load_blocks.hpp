@@ -215,7 +215,7 @@ STICTION_HD_OUTLINE double weigh_islands(TeamT& team, const BlockTerms& terms, c
   return most;
 }
 
-/// b of a cone's rows, its metric and what its steps count as. Returns whether its diagonal is positive.
+/// b of a cone's rows, its metric and the weight of its steps. Returns whether its diagonal is positive.
 STICTION_HD bool set_weight(const BlockTerms& terms, Index c) {
   const BlockWorkspace& n = terms.n;
   const Index first = terms.cones().row[c], count = terms.cones().rows(c);
@@ -236,8 +236,8 @@ STICTION_HD bool set_weight(const BlockTerms& terms, Index c) {
   return n.diagonal[first] + n.R[first] > 0.0;
 }
 
-/// The iteration's compliances of a cone. The weight of the proximal term is what is missing to the share `least` of
-/// A's diagonal, or to the largest tangential one. Returns whether there is any.
+/// The iteration's compliances of a cone. The weight of the proximal term is the lack to the share `least` of A's
+/// diagonal, or to the largest tangential one. Returns whether there is any.
 STICTION_HD bool set_compliances(const BlockTerms& terms, Index c, double least) {
   /// Term added to a compliance beyond a rounding.
   constexpr double kRounding = 0x1p-48;

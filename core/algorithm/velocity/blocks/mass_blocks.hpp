@@ -107,7 +107,7 @@ struct MassBlocks {
   }
 
  private:
-  /// One block as the batch has it. Only what lies on and below the diagonal is read; of M the rest is its mirror
+  /// One block as the batch has it. Only entries on and below the diagonal are read; of M the rest is its mirror
   /// image.
   template <class Real>
   STICTION_HD void load_block_of(const LaneEnv<Real>& env, Index row, Index column, MassForm form, double* to) const {

@@ -5,12 +5,12 @@
 #include "core/algorithm/residual/final_residual.hpp"
 #include "core/job/velocity_job.hpp"
 
-/// How far an environment of Newton's method in velocities is, and when it is given up.
+/// Progress of an environment of Newton's method in velocities, and its limits.
 namespace stiction::inline STICTION_ISA {
 
 /// Compliance below this share of A's diagonal is brought up to it by a proximal term.
 inline constexpr double kLeastCompliance = 1e-4;
-/// A warm start's contact sticks if its tangential reaction is less than this share of what its cone allows.
+/// A warm start's contact sticks if its tangential reaction is less than this share of its cone's limit.
 inline constexpr double kInsideCone = 0.999;
 /// Share of the tolerance at which the estimate of the error proposes an answer.
 inline constexpr double kProposeAt = 0.3;
@@ -43,7 +43,7 @@ STICTION_HD bool steps_in_double(const VelocityJob<Real>& job, Offset env) {
   return sizeof(Real) == sizeof(float) && tolerance_of(job, env) < kLeastSingle;
 }
 
-/// How far an environment is.
+/// Progress of an environment.
 struct LaneProgress {
   double tolerance = 0.0;
   double scale = 1.0;                  ///< the largest island's error scale                    [w]
@@ -63,7 +63,7 @@ struct LaneProgress {
   bool is_busy = false;
   bool is_answered = false;
   bool is_rounding = false;
-  bool starts_at_velocity = false;  ///< and not at what reactions lead to
+  bool starts_at_velocity = false;  ///< and not at the velocities of the reactions
   bool has_outer = false;           ///< solves a sequence of problems: Coulomb's law, or a proximal term
 
   /// Returns the tolerance that the batch, or the solve, asks of an environment. `most`: steps, whatever that is.
@@ -75,7 +75,7 @@ struct LaneProgress {
     max_iterations = own_iterations != nullptr && own_iterations[env] >= 0 ? own_iterations[env] : job.max_iterations;
     max_iterations = max_iterations < most ? max_iterations : most;
   }
-  /// Takes in what was found of reactions in precision Real.
+  /// Adds a residual of reactions in precision Real.
   template <class Real>
   STICTION_HD void take(const FinalResidual& found) {
     const Verdict verdict = judge<Real>(found, scale, {tolerance, absolute_tolerance});

@@ -3,7 +3,7 @@
 #include "core/base/real.hpp"
 #include "core/job/velocity_job.hpp"
 
-/// From what is known of an environment's parts to its status.
+/// From the results of an environment's parts to its status.
 namespace stiction::inline STICTION_ISA {
 
 /// Takes a part in, whose islands are islands of the whole.

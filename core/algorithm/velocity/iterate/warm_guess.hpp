@@ -10,8 +10,8 @@ struct WarmGuess {
   using Double = typename Types::Double;
   const DoublePack<Types>& pack;
 
-  /// The motion z at which the reactions would be the guess, and by how much it differs from what the guess leads to.
-  /// Reactions answer to z over R, so that what a guess leads to would say nothing of which contacts stick.
+  /// The motion z at which the reactions would be the guess, and its difference from the motion of the guess.
+  /// Reactions answer to z over R, so the motion of a guess would not tell which contacts stick.
   STICTION_HD_OUTLINE void aim() const {
     pack.workspace.each(pack.counts.slots, [&](Index s) {
       const auto& slot = pack.slots[s];
@@ -64,7 +64,7 @@ struct WarmGuess {
     const Double x_n = reaction(row);
     const auto is_open = not_(x_n > Double(0));
     const auto sticks = and_(not_(is_open), square < Double(kInsideCone) * x_n);
-    // Per unit of the scaled reaction: R where it sticks, what it slides by where it slides.
+    // Per unit of the scaled reaction: R where it sticks, its slip where it slides.
     const Double size = select(sticks, tangential, div_(length, select(square > Double(0), square, Double(1))));
     const Double moves = motion(row);
     for (int k = 1; k < kRows; ++k) {

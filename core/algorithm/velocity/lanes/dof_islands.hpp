@@ -79,12 +79,12 @@ class DofIslands {
     }
   }
 
-  /// Joins what M couples with degrees of freedom before it.
+  /// Joins the degrees of freedom that M couples with ones before them.
   STICTION_HD void join_mass(Index k) const {
     const Index begin = k / whole_.block * whole_.block;
     for_each_nonzero(whole_.M + static_cast<Offset>(k) * whole_.block, k - begin, [&](Index i) { join(k, begin + i); });
   }
-  /// Joins what a cone's rows touch. The first of it, -1: nothing.
+  /// Joins the degrees of freedom that a cone's rows touch. The first of it, -1: nothing.
   STICTION_HD Index join_cone(Index cone) const {
     const Offset* const rows = batch_.cone_row_offsets + whole_.first_cone + cone;
     Index first = -1;
@@ -103,7 +103,7 @@ class DofIslands {
 
   STICTION_HD void list_dofs() {
     for (Index k = 0; k <= whole_.dofs; ++k) dof_begin_[k] = 0;
-    // Roots come before what they are roots of: a root's number is known when it is asked for.
+    // Roots come before their members: a root's number is known when it is asked for.
     for (Index k = 0; k < whole_.dofs; ++k) {
       const Index first = root(k);
       local_[k] = first == k ? count_++ : local_[first];
@@ -124,7 +124,7 @@ class DofIslands {
     const auto part_of = [&](Index cone) { return first_dof_[cone] < 0 ? 0 : parent_[first_dof_[cone]]; };
     for (Index cone = 0; cone < whole_.cones; ++cone) ++cone_begin_[part_of(cone) + 1];
     for (Index i = 0; i < count_; ++i) cone_begin_[i + 1] += cone_begin_[i];
-    // Back to front, so that what is left in the list of ends are the beginnings.
+    // Back to front, so that the ends left in the list are the beginnings.
     for (Index cone = whole_.cones - 1; cone >= 0; --cone) {
       const Index part = part_of(cone);
       cone_[--cone_begin_[part + 1]] = cone;

@@ -16,7 +16,7 @@ struct DofWords {
 /// For environments with a coupled part of more than 64.
 using LargeDofSet = DofWords<8>;
 
-/// `kMost`: what a set has room for. `Small`: an integer for one of them.
+/// `kMost`: most members of a set. `Small`: an integer for one of them.
 template <class Set>
 struct SetTraits;
 template <>

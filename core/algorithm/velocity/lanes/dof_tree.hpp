@@ -43,7 +43,7 @@ struct DofTree {
   [[nodiscard]] STICTION_HD bool has(Index k, Index at) const { return at >= first(k) && at <= depth[k]; }
 };
 
-/// Row k of a tree that has all before it, whose ancestors are those of `coupled` and what these have. If the list of
+/// Row k of a tree that has all before it, whose ancestors are those of `coupled` and their ancestors. If the list of
 /// paths ends with the parent's, k goes on with it. Without `kCopies` a path has k and its parent alone. Returns false
 /// if there was no room.
 template <bool kCopies, class Set>

@@ -38,8 +38,8 @@ struct DoubleLanes<Pack<T, W>> {
   using Type = Pack<double, kLanes>;
 };
 
-/// Types that Newton's method in velocities runs in: `Wide` for iterations, `Double` for what is judged by, `Real` for
-/// what the batch has and gets. Lanes of a `Team` own a pack together.
+/// Types that Newton's method in velocities runs in: `Wide` for iterations, `Double` for judging, `Real` for the
+/// batch's numbers. Lanes of a `Team` own a pack together.
 template <class WideT, int kStrideT = RealTraits<WideT>::kLanes, class SetT = DofSet, class RealT = Scalar<WideT>,
           Team TeamT = SerialTeam>
 struct LaneTypes {

@@ -11,7 +11,7 @@
 /// takes it.
 namespace stiction::inline STICTION_ISA {
 
-/// Most rows: what a lane of a GPU keeps for an environment has room for the largest.
+/// Most rows: a lane of a GPU keeps room for the largest environment.
 inline constexpr Index kMostVelocityRows = 1024;
 /// A coupled part of more than 64 degrees of freedom is large. Limits are on them, on entries of its factor
 /// and of J, and on the lists of its tree.
@@ -20,8 +20,8 @@ inline constexpr Index kMostLargeEntries = 16384;
 inline constexpr Index kMostLargeColumns = kMostVelocityRows * kMostVelocityDofs;
 inline constexpr Index kMostLargePaths = 16384;
 
-/// The environment's degree of freedom that is number k here, and back. A factor L L' ends with the last one, and what
-/// is factored here with number 0. A factor's are hence numbered backwards, and L has the tree's zeros.
+/// The environment's degree of freedom that is number k here, and back. A factor L L' ends with the last one, and the
+/// factor here with number 0. A factor's are hence numbered backwards, and L has the tree's zeros.
 template <class Real>
 STICTION_HD Index dof_of(const LaneEnv<Real>& env, Index k) {
   if (env.dof != nullptr) return env.dof[k];
@@ -162,8 +162,8 @@ STICTION_HD Set mass_row_set(const LaneEnv<Real>& env, Index dof) {
   return nonzero_set<Set>(entries, row - first, first - base);
 }
 
-/// coupled[k] |= numbers before k that M couples it with. A factor couples those that are in one of its columns, which
-/// is what the tree makes of entries between number k and others.
+/// coupled[k] |= numbers before k that M couples it with. A factor couples those that are in one of its columns, as
+/// the tree does from entries between number k and others.
 template <class Set, Team TeamT, class Real>
 STICTION_HD void add_mass_dofs(TeamT& team, const LaneEnv<Real>& env, Set* coupled) {
   if (env.dofs > kDenseDofs && env.is_consecutive && env.is_reversed) {

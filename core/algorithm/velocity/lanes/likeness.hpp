@@ -6,13 +6,13 @@
 /// so like cones make few slots. No number depends on it: integers only (docs/math/velocity_newton.md, "Lanes").
 namespace stiction::inline STICTION_ISA {
 
-/// Environments with near keys have like cones. The first to differ decides, and that is the dearest: what a slot costs
-/// grows with its rows and with the square of its columns.
+/// Environments with near keys have like cones. The first to differ decides, the dearest: the cost of a
+/// slot grows with its rows and with the square of its columns.
 struct Likeness {
   bool in_double = false;     ///< how steps are taken is another pack's affair
   Index dofs = 0;             ///< of the environment
   std::uint64_t cones = 0;    ///< the four last kinds of cones of several rows: of each a hash of 12 bits, and how many
-  std::uint64_t singles = 0;  ///< what rows that stand alone touch: each turns the bits of its degrees of freedom
+  std::uint64_t singles = 0;  ///< degrees of freedom of rows that stand alone: each turns their bits
   Index at = 0;               ///< where the environment is, so that the order is one of integers
 
   STICTION_HD bool operator<(const Likeness& other) const {
@@ -24,8 +24,8 @@ struct Likeness {
   }
 };
 
-/// Twelve bits of what a cone is: its rows, and the degrees of freedom that it touches. By multiplication with the
-/// golden ratio's digits and an odd number (Knuth, The Art of Computer Programming 3, 6.4).
+/// Twelve bits of a cone: its rows, and the degrees of freedom that it touches. By multiplication with the golden
+/// ratio's digits and an odd number (Knuth, The Art of Computer Programming 3, 6.4).
 STICTION_HD std::uint64_t kind_of(const SlotItem<DofSet>& item) {
   std::uint64_t mixed = item.dofs * 0x9E3779B97F4A7C15U + static_cast<std::uint64_t>(item.rows) * 0xC2B2AE3D27D4EB4FU;
   mixed = (mixed ^ (mixed >> 29U)) * 0xBF58476D1CE4E5B9U;

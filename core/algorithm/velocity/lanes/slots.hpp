@@ -43,7 +43,7 @@ struct Slot {
   [[nodiscard]] STICTION_HD Small* end() const { return dof + 2 * Offset{columns}; }
 };
 
-/// Room for the columns of slots, twice: what they are and where they are in the tree.
+/// Room for the columns of slots, twice: their numbers and their places in the tree.
 template <class Set>
 STICTION_HD constexpr Offset column_room(Offset cones) {
   const Offset all = 2 * SetTraits<Set>::kMost * cones;
@@ -77,8 +77,8 @@ STICTION_HD bool share_a_slot(const SlotItem<Set>& a, const SlotItem<Set>& b) {
   return a.rows == b.rows && a.dofs == b.dofs;
 }
 
-/// How many slots from `first` on touch the same degrees of freedom, of those before `end`. Their rows lie one behind
-/// the other as if they were one slot's.
+/// Counts the slots from `first` on that touch the same degrees of freedom, of those before `end`. Their rows lie one
+/// after another as if they were one slot's.
 template <int kLanes, class Set>
 STICTION_HD Index run_of(const Slot<kLanes, Set>* slots, Index first, Index end) {
   Index last = first + 1;

@@ -83,7 +83,7 @@ STICTION_HD void for_each_chain(const DofTree<Set>& tree, F&& f) {
 
 /// Eliminates a chain of kRows rows; ends in a sync. Every lane finds the chain's own entries. Then it takes a column
 /// of the chain at a time, then an ancestor's row. It halves loads and stores, and each entry is changed in the order
-/// of rows. One lane turns entries into the factor's as it goes; lanes of a team read what others have yet to read.
+/// of rows. One lane turns entries into the factor's as it goes; lanes of a team read entries that others need.
 template <int kRows, Team TeamT, class Set, class Numbers, class Condition>
 STICTION_HD void eliminate_chain(TeamT& team, const DofTree<Set>& tree, const Numbers& H, const Numbers& inverse,
                                  Index k, Condition& definite) {
@@ -160,8 +160,8 @@ STICTION_HD void add_column(TeamT& team, const DofTree<Set>& tree, Index k, Valu
     sum.put(to, fma_(entry(begin + i), amount, sum[to]));
   });
 }
-/// sum = A x of a symmetric A. entry(e): its lower triangle in the tree's envelope. A row adds to its ancestors' what
-/// its column says once they have what their rows say.
+/// sum = A x of a symmetric A. entry(e): its lower triangle in the tree's envelope. A row adds its column's terms to
+/// its ancestors once they have their rows' terms.
 template <Team TeamT, class Set, class Numbers, class F, class G>
 STICTION_HD void multiply_symmetric(TeamT& team, const DofTree<Set>& tree, F&& entry, G&& x, const Numbers& sum) {
   using Value = decltype(sum[0]);
@@ -175,7 +175,7 @@ STICTION_HD void multiply_symmetric(TeamT& team, const DofTree<Set>& tree, F&& e
     add_column(team, tree, k, x(k), [&](Index d) { return entry(tree.begin[k] + d); }, sum);
 }
 
-/// L becomes L'L in place, L in the tree's envelope: what factor_tree does, undone from the root on.
+/// L becomes L'L in place, L in the tree's envelope: factor_tree undone from the root on.
 template <Team TeamT, class Set, class Numbers>
 STICTION_HD_OUTLINE void multiply_tree(TeamT& team, const DofTree<Set>& tree, const Numbers& L) {
   for (Index k = 0; k < tree.dofs; ++k) {
@@ -211,8 +211,8 @@ STICTION_HD_OUTLINE auto split_pivots(TeamT& team, const DofTree<Set>& tree, con
   return on_all_lanes(team, definite);
 }
 
-/// Takes a chain of kRows rows out of x; ends in a sync. Lanes take an ancestor each, and all of them find what x is at
-/// the rows.
+/// Takes a chain of kRows rows out of x; ends in a sync. Lanes take an ancestor each, and all of them compute x at the
+/// rows.
 template <int kRows, Team TeamT, class Set, class Numbers>
 STICTION_HD void solve_rows(TeamT& team, const DofTree<Set>& tree, const Numbers& L, const Numbers& x, Index k) {
   using Value = decltype(L[0]);

@@ -30,13 +30,13 @@ struct VelocityWorkspace {
   Numbers x;              ///< reactions                                             (rows)
   Numbers Jp;             ///< J times the step                                      (rows)
   Numbers GJp;            ///< G J times the step                                    (rows)
-  Numbers model_gap;      ///< reactions less what the quadratic model foresaw       (rows)
+  Numbers model_gap;      ///< reactions less the quadratic model's                  (rows)
   Numbers target;         ///<                                                       (rows)
   Numbers shift;          ///< de Saxce's and proximal terms                         (rows)
   Numbers mu;             ///< of tangential rows; 1 in others                       (rows)
   Numbers R;              ///<                                                       (rows)
   Numbers prox_center;    ///< reactions that the proximal term holds on to          (rows)
-  Numbers prox;           ///< what is added to R                                    (rows)
+  Numbers prox;           ///< addition to R                                         (rows)
   Numbers G_rows;         ///< G by rows: slope of the first, direction of -z_t      (rows)
   Numbers law;            ///< RowLaw or ConeLaw                                     (3 slots)
   Numbers G_cones;        ///< G by friction cones: across, slide, bend              (3 cones)
@@ -64,8 +64,8 @@ struct VelocityWorkspace {
   Numbers terms;          ///< of ordered sums, factors side by side; teams alone    (2 rows + 2 slots)
   Team* lanes = nullptr;  ///< that own the pack together; null: one
 
-  /// Rows of J by depth: three, or one for each of a team's lanes. They lie over what is written once the diagonal is
-  /// known.
+  /// Rows of J by depth: three, or one for each of a team's lanes. They lie over arrays that are written once the
+  /// diagonal is known.
   [[nodiscard]] STICTION_HD double* rows_by_depth() const { return velocity; }
   /// Motion that reactions of zero leave; no step has been made where it is read.
   [[nodiscard]] STICTION_HD const Numbers& free_motion() const { return model_gap; }

@@ -9,7 +9,7 @@
 /// Environments into the lanes of a pack.
 namespace stiction::inline STICTION_ISA {
 
-/// Numbers that a tile reads from a row of an environment, at most. It may reach beyond the row: what lies there is
+/// Numbers that a tile reads from a row of an environment, at most. It may reach beyond the row: numbers there are
 /// moved along and not used.
 template <class Real>
 inline constexpr Index kTileReach = kMostVelocityDofs + kTileEdge<Real>;
@@ -135,8 +135,8 @@ STICTION_HD_OUTLINE void load_mass(const VelocityWorkspace<Types>& workspace, co
   });
 }
 
-/// A factor in the tree's envelope. Its row of number k is a column here: it has the entries of k and of what is below
-/// k in the tree. Degrees of freedom that a lane does not have get a 1 on the diagonal.
+/// A factor in the tree's envelope. Its row of number k is a column here: it has the entries of k and of its members
+/// below k in the tree. Degrees of freedom that a lane does not have get a 1 on the diagonal.
 template <class Types, class Real>
 STICTION_HD_OUTLINE void load_factor(const VelocityWorkspace<Types>& workspace, const JacobianBatchView<Real>& batch,
                                      const TreeOf<Types>& tree, const LaneEnv<Real> (&envs)[Types::kLanes],

@@ -14,8 +14,8 @@
 #include "stiction/world.hpp"
 
 /// Problems and solutions in HDF5 files (docs/reference/file_formats.md). Every function may be called from any thread;
-/// calls wait for one another. It fails with Error(io) when the operating system refuses, with Error(bad_file) when the
-/// content is not what it should be. The message is one sentence that begins with the file's name.
+/// calls wait for one another. It fails with Error(io) when the operating system refuses, with Error(bad_file) when
+/// the content is wrong. The message is one sentence that begins with the file's name.
 namespace stiction::io {
 
 /// A sparse matrix by rows. An empty ptr: the matrix is absent.
@@ -28,7 +28,7 @@ struct Csr {
 /// Input of a recorded solve: matrices, J and M, or bodies.
 enum class RecordedForm : std::uint8_t { matrix, jacobian, bodies };
 
-/// How recorded environments were solved: what it takes to get the same bits again. The law is the batch's.
+/// Options of a recorded solve, to get the same bits again. The law is the batch's.
 struct RecordedSolve {
   RecordedForm form = RecordedForm::matrix;
   SolverKind solver = SolverKind::npgs;
@@ -49,7 +49,7 @@ struct RecordedSolve {
 /// A contact-batch file in memory. Optional parts are empty when absent.
 struct Recording {
   ContactBatch<double> batch;
-  std::string source;                   ///< who recorded it, free text
+  std::string source;                   ///< origin of the recording, free text
   std::vector<Offset> env_dof_offsets;  ///< first degree of freedom of each environment  (E + 1)
   Csr J;                              ///< constraint Jacobian, A = J M^-1 J'           (rows x dofs of the environment)
   Csr M;                              ///< joint-space mass matrix                      (dofs x dofs)
@@ -128,7 +128,7 @@ SolutionFile read_solution(const std::filesystem::path& path);
 /// Writes like write_batch. \throws Error(invalid_argument) if the lengths do not fit one another, Error(io)
 void write_solution(const std::filesystem::path& path, const SolutionFile& solution);
 
-/// A world between two steps on disk (docs/reference/file_formats.md): what `stiction step --checkpoint` writes.
+/// A world between two steps on disk (docs/reference/file_formats.md): the file of `stiction step --checkpoint`.
 struct CheckpointFile {
   Precision precision = Precision::f64;  ///< type of the numbers in the file; f32 is widened exactly
   std::string run;                       ///< whatever reaches the bits of the run, "name=value" each
@@ -136,7 +136,7 @@ struct CheckpointFile {
   WorldCheckpoint<double> world;         ///< of any number of environments and bodies
 };
 
-/// Reads a checkpoint, and compares what it holds with the checksum that it was written with. One in parts is read as
+/// Reads a checkpoint, and compares its contents with the checksum that it was written with. One in parts is read as
 /// one. \throws Error
 CheckpointFile read_checkpoint(const std::filesystem::path& path);
 

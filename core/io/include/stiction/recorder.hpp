@@ -19,16 +19,16 @@ struct RecorderOptions {
   std::vector<bool> mask;         ///< whether an environment is considered, by its index; empty: all are
 };
 
-/// Writes environments of a running solver to a contact-batch file. With them goes what `stiction replay` needs to get
-/// the same bits again (docs/howto/record_replay.md): options, warm start, and the lambda that was the answer. The file
-/// is written anew whenever a solve added to it, so that it is there if the process ends badly.
+/// Writes environments of a running solver to a contact-batch file. With them goes the input of `stiction replay` for
+/// the same bits (docs/howto/record_replay.md): options, warm start, and the lambda that was the answer. The file is
+/// written anew whenever a solve added to it, so that it is there if the process ends badly.
 class Recorder {
  public:
   /// \throws Error(invalid_argument) if max_environments < 1.
   explicit Recorder(std::filesystem::path path, RecorderOptions options = {});
 
   /// Examines a solve that was just done, with the batch, the answer and the warm start (may be null) it had, wherever
-  /// they are. In device memory, it waits for what was queued on `stream`. Returns how many environments were added.
+  /// they are. In device memory, it waits for the work queued on `stream`. Returns how many environments were added.
   /// \throws Error(invalid_argument) if the solver's options, law or precision are not those of the solves before, or
   /// the mask is shorter than the batch. Error(unsupported) for an environment kept as a factor; Error(io).
   template <class Real>
