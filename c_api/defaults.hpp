@@ -6,7 +6,7 @@ namespace stiction {
 struct SolverOptions;
 }
 
-/// Every struct as its init leaves it, `size` included. Numbers come from the C++ structs, so that they are said once.
+/// Every struct as its init leaves it, `size` included. Numbers come from the C++ structs, so that they stand once.
 namespace stiction::c {
 
 void set_defaults(stiction_solver_options& options);

@@ -11,8 +11,8 @@
 #include "stiction/solver.hpp"
 #include "stiction/warm_start.hpp"
 
-/// Enumerators of the C interface as those of C++, whose numbers are the same (asserted in enums.cpp). A number that is
-/// none of them is refused with the field's name and the names there are.
+/// Enumerators of the C interface as those of C++, whose numbers are the same (asserted in enums.cpp). A number of no
+/// enumerator is refused with the field's name and the existing names.
 namespace stiction::c {
 
 stiction_code code_of(ErrorCode code) noexcept;

@@ -7,7 +7,7 @@
 
 namespace stiction::c {
 
-/// Keeps the text of the exception being handled for this thread, and says which code it is.
+/// Keeps the text of the exception being handled for this thread, and returns its code.
 stiction_code remember_failure() noexcept;
 
 /// Runs f; its exceptions become a code and this thread's text.

@@ -8,7 +8,7 @@
 #include "stiction/stepping.hpp"
 
 /// Structs of C as those of C++. Arrays are passed on as they are. `name`: the argument's name in an error.
-/// \throws Error(invalid_argument) for an enumerator that there is not.
+/// \throws Error(invalid_argument) for an unknown enumerator.
 namespace stiction::c {
 
 SolverOptions to_cpp(const stiction_solver_options& options);

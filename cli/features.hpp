@@ -15,7 +15,7 @@ struct Range {
   double min = 0, max = 0;
 };
 
-/// Output of `stiction inspect` for a batch. Vectors have one entry per environment unless they say otherwise.
+/// Output of `stiction inspect` for a batch. Vectors have one entry per environment by default.
 struct Features {
   std::vector<Offset> rows, cones, nonzeros;
   std::vector<double> density;                          ///< nonzeros / rows^2, of environments that have rows

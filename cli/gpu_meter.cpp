@@ -101,7 +101,7 @@ std::string reason_of(Device device) {
 
 }  // namespace
 
-/// A thread that samples until it is told to end.
+/// A thread that samples until it is stopped.
 class GpuMeter::Sampler {
  public:
   Sampler(int ordinal, const GpuMeterOptions& options)

@@ -6,7 +6,7 @@
 namespace stiction::cli {
 
 /// Bytes that this process may still take. It is the least of the memory left by the system, by `ulimit -v`, and by
-/// its control group's limit. Nothing where the system does not say, which is anywhere but on Linux.
+/// its control group's limit. Nothing where the system gives none, which is anywhere but on Linux.
 [[nodiscard]] std::optional<double> free_memory();
 
 /// As people read it: "4.1 TB".

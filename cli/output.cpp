@@ -57,7 +57,7 @@ void require_replaceable(const fs::path& path) {
     if (!fs::is_regular_file(status)) refuse(path, "it exists and is not an ordinary file");
     probe(path, path);
   } else if (status.type() != fs::file_type::not_found) {
-    refuse(path, trouble.message());  // links in a circle, say
+    refuse(path, trouble.message());  // a circle of links, for instance
   }
   fs::path beside = path;
   beside += fmt::format(".probe-{}", getpid());

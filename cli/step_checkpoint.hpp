@@ -18,7 +18,7 @@ class StepCheckpoint {
   /// written.
   StepCheckpoint(const StepArguments& arguments, const WorldOptions& options);
 
-  /// Puts the world where the file says, if it is there. Returns how many steps were made. \throws Error(bad_file) for
+  /// Puts the world at the file's state, if it is there. Returns how many steps were made. \throws Error(bad_file) for
   /// a file of another run, or beyond the steps that are asked for.
   template <class Real>
   [[nodiscard]] std::int64_t resume(World<Real>& world) const;

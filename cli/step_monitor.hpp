@@ -32,8 +32,8 @@ std::vector<EnvSeen> see(const World<Real>& world);
 /// Watches a world step by step: residuals, quality, energy and momentum of docs/howto/stepping.md.
 class StepMonitor {
  public:
-  /// A world of that description that moves as `motion` says. Residuals above `tolerance` lower the quality. `steps`
-  /// of `dt` are ahead.
+  /// A world of that description whose motion is `motion`. Residuals above `tolerance` lower the quality. `steps` of
+  /// `dt` are ahead.
   StepMonitor(const WorldDescription& description, double dt, std::vector<WorldMotion> motion, double tolerance,
               std::int64_t steps);
 

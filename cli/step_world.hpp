@@ -23,7 +23,7 @@ WorldOptions world_options(const StepArguments& arguments, const TimeStepping& s
 class SteppedWorld {
  public:
   virtual ~SteppedWorld() = default;
-  /// Goes on from its checkpoint, if there is one; returns how many steps were made.
+  /// Resumes from its checkpoint, if there is one; returns how many steps were made.
   virtual std::int64_t resume() = 0;
   virtual void step() = 0;
   [[nodiscard]] virtual std::vector<WorldMotion> motion() = 0;

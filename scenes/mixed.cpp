@@ -5,8 +5,8 @@
 namespace stiction::scenes {
 namespace {
 
-/// The number of contacts wanted. It is none in one environment of ten. Otherwise P(more than k) = 12 / (k + 12), a
-/// tail so heavy that the mean is set by the limit.
+/// The number of contacts wanted. One environment of ten has none. Otherwise P(more than k) = 12 / (k + 12), a tail so
+/// heavy that the mean is set by the limit.
 int draw_contact_count(Rng& rng, int limit) {
   constexpr double kScale = 12;
   if (rng.chance(0.1)) return 0;

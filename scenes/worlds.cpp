@@ -70,7 +70,7 @@ std::array<double, 4> any_orientation(Rng& rng) {
 
 constexpr int kHeapBodies = 12;
 
-/// Bodies of a layer lie in a square of so many by so many: about as many as there are layers.
+/// Bodies of a layer lie in a square: about as many on a side as there are layers.
 int heap_side(int size) {
   int side = 2;
   while ((side + 1) * (side + 1) * (side + 1) <= size) ++side;

@@ -75,7 +75,7 @@ class Writer:
             self._line += symbols.get(node.tag, escaped(text))
 
     def block(self, node):
-        """One element that is a block of its own; false if it is none."""
+        """One element that is a block of its own; false if it is not."""
         if node.tag in ("verbatim", "preformatted", "programlisting"):
             self.flush()
             lines = ["".join(line.itertext()) if line.find(".//sp") is None else "".join(

@@ -84,7 +84,7 @@ class Stage:
         self.put(path, (ROOT / path).read_text(encoding="utf-8"))
 
     def put(self, path, text):
-        """Stages a page that says `text`."""
+        """Stages a page with `text`."""
         code = [match.span() for match in CODE.finditer(text)]
 
         def turned(match):

@@ -19,7 +19,7 @@ import numpy as np
 
 FREE, UNILATERAL, BOX, FRICTION, BOX_FRICTION, SEMIDEFINITE = range(6)  # cone_kind of the file
 NAMES = ("free", "unilateral", "box", "friction", "box_friction", "semidefinite")
-BOUNDLESS = 1e20  # an upper bound of that size is none, and a lower one of its negative
+BOUNDLESS = 1e20  # an upper bound of that size is infinite, and a lower one of its negative
 IDLE = 1e-4  # share of the largest |b| that an island's scale is at least
 Wide = np.longdouble  # squares of doubles are no infinity there
 

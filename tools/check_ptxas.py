@@ -7,7 +7,7 @@
 
 Registers, stack and barriers are read from the objects of the build. Counted in them are all instructions, accesses to
 a thread's stack, generic accesses and matches. Nothing is compiled and no GPU is needed. The table is there because a kernel that suddenly needs a stack or twice the code is
-slow. Nothing else says so on a machine without a GPU. Exit status 1 on a finding, 77 if there is no table, or one of
+slow. Nothing else shows it on a machine without a GPU. Exit status 1 on a finding, 77 if there is no table, or one of
 another compiler or architecture.
 """
 

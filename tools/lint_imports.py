@@ -3,9 +3,9 @@
 
 Usage: lint_imports.py [--root DIR] [--self-test]
 
-The table below is the package's structure: a room is a folder of python/stiction or a file there. No room imports one that
-imports it, so that no circle can come about. An import that the table does not have is reported as `file:line: sentence`
-and the exit status is 1. Every room may import the compiled module, `_core`.
+The table below is the package's structure: a room is a folder of python/stiction or a file there. No room imports one
+that imports it, so there are no import cycles. An import that the table does not have is reported as `file:line:
+sentence` and the exit status is 1. Every room may import the compiled module, `_core`.
 """
 
 import ast

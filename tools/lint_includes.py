@@ -30,7 +30,7 @@ PLANS = ["core/plan/plan.hpp", "core/plan/body_plan.hpp"]
 MACHINE = [*KERNEL, *PLANS, "core/machine"]
 
 # Rooms of core/algorithm, in the order of a solve, with the includes allowed to each. No room includes one that is
-# further down, so that no circle can come about.
+# further down, so there are no cycles.
 ALGORITHM = {
     "problem": [],
     "system": ["problem"],

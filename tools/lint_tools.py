@@ -30,7 +30,7 @@ def find(tool, version="--version"):
 
 
 def missing(tool):
-    """Sentence that says how to get `tool`."""
+    """Sentence on how to get `tool`."""
     return f"SKIPPED: {tool} {pinned(tool)} is not here (pip install -r tools/requirements-lint.txt); nothing checked"
 
 

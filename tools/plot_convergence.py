@@ -23,7 +23,7 @@ import matplotlib.pyplot as plt  # noqa: E402
 import numpy as np  # noqa: E402
 
 COLUMNS = ("iteration", "median", "p90", "max")
-# Okabe and Ito's colours, told apart by people with any colour vision; the darkest first.
+# Okabe and Ito's colours, distinct for people with any colour vision; the darkest first.
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 
 

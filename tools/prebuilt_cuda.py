@@ -6,8 +6,8 @@
 
 A build with -DSTICTION_PREBUILT_CUDA=ARCHIVE takes the objects and compiles no .cu (cmake/prebuilt_cuda.cmake). It
 compares every file of the manifest with its own, so objects of other sources are refused. The manifest names the
-project's files that ninja's record of dependencies names, and the files that say how to compile. Kernels of sources
-that --without names are left out: their objects then have catalogues without entries (tools/gpu_first/absent_launch.hpp).
+project's files in ninja's record of dependencies, and the files with the compiler's options. Kernels of sources that
+--without names are left out: their objects then have catalogues without entries (tools/gpu_first/absent_launch.hpp).
 """
 
 import argparse

@@ -231,7 +231,7 @@ def trajectory(name, model, options, keyframe, simulation):
 
 
 def record_trajectories(options):
-    """The systems of all models' trajectories, step by step, and the datasets that say so."""
+    """The systems of all models' trajectories, step by step, and datasets about them."""
     models = [load(path, options.keyframe, alone=len(options.model) == 1) for path in options.model]
     names = [Path(path).stem for path in options.model]
     runs = [trajectory(names[i], model, options, keyframe, i) for i, (model, keyframe) in enumerate(models)]

@@ -2,8 +2,8 @@
 
 A unit is a text that no sentence leaves. It is a paragraph, an item of a list, a cell of a table, a docstring, or the
 comment lines that follow one another. Code blocks, headings, pictures and the targets of links are left out. Inline
-code and a formula between dollars are a word each. A token without a letter or a digit (a dash, an equals sign) is
-none.
+code and a formula between dollars are a word each. A token without a letter or a digit (a dash, an equals sign) is not
+counted.
 """
 
 import ast
@@ -28,7 +28,7 @@ LINK = re.compile(r"\[([^\]]*)\](\([^)]*\)|\[[^\]]*\])")
 ABBREVIATION = re.compile(r"\b(e\.g|i\.e|cf|vs|ca|resp|approx|incl|Fig|Figs|Eq|Eqs|Sec|Ch|No|pp|al|etc)\.(?=\s)")
 SENTENCE_END = re.compile(r"(?<=[.?!])(?<!\.\.)[)\]\"'*_”]*(?:\s+(?![+=·…]\s)|$)")
 
-# Strings first, so that comments inside them are none.
+# Strings first, so that comments inside them are skipped.
 C_TOKEN = re.compile(r"""R"(?P<delimiter>\w*)\(.*?\)(?P=delimiter)"|"(?:\\.|[^"\\\n])*"|'(?:\\[^\n]+?|[^'\\\n])'"""
                      r"""|(?P<line>//[^\n]*)|(?P<block>/\*.*?\*/)""", re.DOTALL)
 

@@ -30,7 +30,7 @@ EPOCH = re.compile(r"kNumericsEpoch = (\d+);")
 
 
 class Broken(Exception):
-    """A table that cannot be read; the text says why."""
+    """A table that cannot be read; the text gives the reason."""
 
 
 def rows(lines):

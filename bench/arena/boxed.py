@@ -10,7 +10,7 @@ import dataclasses
 import numpy as np
 from environments import BOX_FRICTION, FRICTION, UNILATERAL
 
-FAR = 1e30  # a bound that is none
+FAR = 1e30  # an infinite bound
 
 
 @dataclasses.dataclass

@@ -56,7 +56,7 @@ struct Call {
   std::exit(2);
 }
 
-/// The number that an argument says.
+/// Parses an argument as a number.
 template <class T>
 T number(const std::string& text) {
   T value{};

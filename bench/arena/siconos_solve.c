@@ -221,7 +221,7 @@ static void solve_apart(const Problem* p, int d, const Solver* solver, double to
   munmap(answer, size);
 }
 
-/* The number that an argument says. */
+/* Parses an argument as a number. */
 static double number(const char* text) {
   char* end;
   double value = strtod(text, &end);

@@ -216,8 +216,8 @@ def best(rows, **wanted):
 
 
 def told(rows):
-    """The rows that the table of report() tells. For each robot, form, start and goal they are the fastest
-    of ours against each of theirs, and auto in f64."""
+    """Rows of report()'s table. For each robot, form, start and goal they are the fastest of ours against each of
+    theirs, and auto in f64."""
     races = {}
     for row in rows:
         races.setdefault(tuple(row[name] for name in ("robot", "form", "start", "goal")), []).append(row)

@@ -12,9 +12,9 @@ namespace stiction::bench {
 /// "a,b,c" in parts.
 std::vector<std::string> comma_parts(const std::string& text);
 
-/// The number that `text`, a value of `name`, says. \throws Error(invalid_argument) if it is none.
+/// Parses `text`, a value of `name`, as a number. \throws Error(invalid_argument) if it is not one.
 double to_number(const std::string& name, const std::string& text);
-/// The count that `text`, a value of `name`, says. \throws Error(invalid_argument) if it is none or less than `least`.
+/// Parses `text`, a value of `name`, as a count. \throws Error(invalid_argument) if it is not one or less than `least`.
 int to_count(const std::string& name, const std::string& text, int least = 1);
 
 /// Arguments of a benchmark: `--name value` pairs, each name one that has a default. `--csv PATH` is always one of

@@ -7,7 +7,7 @@
 namespace stiction::bench {
 
 /// Measurement basis of a class of environments, and the least time that a model allows a contact and sweep there. The
-/// models are of this method on machines of one kind each; on other machines the ratio to them says nothing.
+/// models are of this method on machines of one kind each; on other machines the ratio to them means nothing.
 struct ClassModel {
   SizeClass size_class;
   const char* name;

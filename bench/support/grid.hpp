@@ -10,7 +10,7 @@ inline constexpr Index kContacts[] = {1, 2, 4, 8, 16, 32, 64};  ///< contacts of
 inline constexpr Offset kEnvs[] = {1, 16, 256, 4096, 16384};    ///< environments of a batch
 inline constexpr Index kSweeps = 20;                            ///< iterations of every environment
 
-/// Entries of A a batch of the grid may hold; larger combinations run with fewer environments, as their names say.
+/// Entries of A a batch of the grid may hold; larger combinations run with fewer environments, given in their names.
 inline constexpr Offset kEntries = Offset{4} << 20;
 
 /// The batch of the benchmark that runs now. Making one costs more than solving it, and neighbours in the order of

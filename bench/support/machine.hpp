@@ -10,7 +10,7 @@ namespace stiction::bench {
 /// the environment variable STICTION_GIT_ID, which bench/run.sh sets). Pairs of name and value, in a fixed order.
 std::vector<std::pair<std::string, std::string>> describe_machine();
 
-/// The command as it was typed, of absolute paths the last name: tables do not tell folders of a machine.
+/// The command as it was typed, of absolute paths the last name: tables do not depend on folders of a machine.
 std::string command_line(int argc, char** argv);
 
 /// CPU time of this process [s]. Unlike the wall clock it does not count the time other programs take, which is why

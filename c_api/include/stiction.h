@@ -16,8 +16,8 @@
  * a time; different handles from any threads. Null is a handle that destroy accepts.
  *
  * Text arguments are null-terminated. Arrays are the caller's and have lengths given in brackets. They are not kept
- * after the call (on a device: after the work queued on the stream is done). "Real" is float or double, as `precision`
- * says. */
+ * after the call (on a device: after the work queued on the stream is done). "Real" is float or double, by
+ * `precision`. */
 
 #include <stddef.h>
 #include <stdint.h>
@@ -123,8 +123,8 @@ STICTION_API stiction_code stiction_solver_solve_planned(stiction_solver* solver
 /** Returns when the work queued on `stream` is done; at once on the CPU. */
 STICTION_API stiction_code stiction_solver_synchronize(stiction_solver* solver, void* stream);
 
-/** Looks for the first broken precondition of a host batch; found: STICTION_INVALID_ARGUMENT, and the error text says
- * where. solver: stiction_solver_kind, for lemke takes environments that others do not. */
+/** Looks for the first broken precondition of a host batch; found: STICTION_INVALID_ARGUMENT, and the error text names
+ * its place. solver: stiction_solver_kind, for lemke takes environments that others do not. */
 STICTION_API stiction_code stiction_validate(const stiction_batch_view* batch, int32_t solver);
 /** The residual of given reactions, by code that the solvers do not share. lambda: Real (row_count); residual:
  * (env_count). The batch's own law; host memory. */
@@ -281,8 +281,8 @@ STICTION_API stiction_code stiction_stepping_solver_solve_jacobian(stiction_step
                                                                    const uint64_t* cone_id, double dt,
                                                                    const stiction_jacobian_solution* solution,
                                                                    void* stream);
-/** Solves a step of bodies: contact_id: (contact_count), and the step is as long as its stepping says. Plans
- * anew at every step, for which a batch in device memory is waited for. */
+/** Solves a step of bodies: contact_id: (contact_count), and the step's length is that of its stepping. Plans anew at
+ * every step, for which a batch in device memory is waited for. */
 STICTION_API stiction_code stiction_stepping_solver_solve_bodies(stiction_stepping_solver* solver,
                                                                  const stiction_body_view* batch,
                                                                  const uint64_t* contact_id,

@@ -53,7 +53,7 @@ typedef struct stiction_body_view {
   const void* inv_inertia;            /**< xx, xy, xz, yy, yz, zz [1/(kg m^2)] (6 * body_count) */
   const void* twist;                  /**< at the beginning of the step (6 * body_count) */
   const void* twist_change;           /**< by all forces but contact over the step, or null (6 * body_count) */
-  const uint8_t* kinematic;           /**< nonzero: moves as `twist` says, or null (body_count) */
+  const uint8_t* kinematic;           /**< nonzero: moves by `twist`, or null (body_count) */
   const int32_t* body_a;              /**< (contact_count) */
   const int32_t* body_b;              /**< (contact_count) */
   const void* arm_a;                  /**< contact point from a's centre of mass [m] (3 * contact_count) */

@@ -15,7 +15,7 @@ namespace stiction {
 /// every public function that computes hence sets it and restores the former one
 /// (tests/determinism/test_fp_entries.cpp). With SSE the algorithms never use the x87 unit, whose whole environment
 /// takes longer to save and load than a small solve's sweeps. Its rounding is kept in step, so that std::fegetround()
-/// tells the truth. On AArch64 both modes are bits of FPCR, and std::fesetround() leaves flush-to-zero as it is.
+/// is right. On AArch64 both modes are bits of FPCR, and std::fesetround() leaves flush-to-zero as it is.
 class ScopedFpEnv {
  public:
 #if defined(__SSE2__)

@@ -154,7 +154,7 @@ STICTION_HD Mask<T> finite_(T x) {
   return (x - x) == T(0);
 }
 
-/// A number as its bits: tells -0 from +0, and a NaN equals itself.
+/// A number as its bits: -0 differs from +0, and a NaN equals itself.
 STICTION_HD std::uint32_t bits_of(float x) {
   union {
     float f;

@@ -6,7 +6,7 @@
 namespace stiction::inline STICTION_ISA {
 
 /// An array whose neighbours lie kStride apart. kStride is 1 for a single environment, W for one lane of a CPU pack,
-/// 32 for one lane of a warp. An algorithm sees an index and cannot tell which.
+/// 32 for one lane of a warp. An algorithm sees an index alone.
 template <class T, int kStride>
 struct Strided {
   T* data = nullptr;

@@ -6,8 +6,8 @@
 
 namespace stiction {
 
-/// Solves a Jacobian batch: Newton's method in velocities, then A of the environments that it has not solved. All was
-/// checked before, but for numbers.
+/// Solves a Jacobian batch: Newton's method in velocities, then A of the other environments. All was checked before,
+/// but for numbers.
 template <class Real>
 void solve_jacobian(JacobianMachine<Real>& machine, const Solver& solver, const JacobianBatchView<Real>& batch,
                     const JacobianSolutionView<Real>& solution, const JacobianStart<Real>& start, StreamRef stream) {

@@ -72,7 +72,7 @@ void check_solution(const ContactBatchView<Real>& batch, const SolutionView<Real
     refuse("solution.lambda is null: give it room for one number per row (" + std::to_string(batch.row_count) + ")");
 }
 
-/// Arrays are read whatever InvalidPolicy says of their values.
+/// Arrays are read whatever the InvalidPolicy of their values.
 template <class Real>
 void check_arrays(const ContactBatchView<Real>& batch) {
   if (const char* name = missing_array(batch); name != nullptr)

@@ -9,8 +9,8 @@
 namespace stiction::graph {
 
 /// The greedy colouring of the manifolds in order of priority. Each has the smallest colour that none of higher
-/// priority has with which it shares a moving body. Changes are told first and settled together; between two settlings
-/// every addition is told before the first removal, so that no slot is used twice.
+/// priority has with which it shares a moving body. Changes are collected first and settled together; between two
+/// settlings every addition comes before the first removal, so that no slot is used twice.
 class ConflictColors {
  public:
   void manifold_added(Index slot);

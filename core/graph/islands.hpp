@@ -14,7 +14,7 @@ struct Island {
   Offset contact_count = 0;
 };
 
-/// Connected components of the moving bodies, told of every change of the graph.
+/// Connected components of the moving bodies, updated at every change of the graph.
 class Islands {
  public:
   void body_added(Index body);

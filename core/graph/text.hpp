@@ -14,7 +14,7 @@ std::string counted(Offset count, const char* one, const char* many);
 std::string escape_dot(const std::string& text);
 /// Text between tags or quotes in XML.
 std::string escape_xml(const std::string& text);
-/// "#rrggbb" of a colour of the graph: ten that are told apart well, then hues a golden ratio apart.
+/// "#rrggbb" of a colour of the graph: ten distinct ones, then hues a golden ratio apart.
 std::string color_hex(Index color);
 
 }  // namespace stiction::graph

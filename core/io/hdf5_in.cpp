@@ -74,7 +74,7 @@ InputFile::InputFile(std::span<const std::byte> image, std::string name)
   const Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
   constexpr std::size_t kGrowth = 1 << 16;
   H5Pset_fapl_core(access.get(), kGrowth, false);
-  // HDF5 copies the image and never writes through the pointer, it only forgot to say so.
+  // HDF5 copies the image and never writes through the pointer, which merely lacks a const.
   H5Pset_file_image(access.get(), const_cast<std::byte*>(image.data()), image.size());
   file_ = Handle(H5Fopen(name_.c_str(), H5F_ACC_RDONLY, access.get()), H5Fclose);
   if (!file_.ok()) refuse("not an HDF5 file, or a truncated or damaged one" + hdf5_reason());
@@ -126,7 +126,7 @@ void InputFile::read_geometry() {
 }
 
 void InputFile::check_header(const std::string& path, const std::string& what) const {
-  H5L_info_t link{};  // says where the header is without HDF5 reading it
+  H5L_info_t link{};  // gives the header's place without HDF5 reading it
   if (H5Lget_info(file_.get(), path.c_str(), &link, H5P_DEFAULT) < 0) {
     refuse(what + "'" + path + "' cannot be looked up" + hdf5_reason());
   }

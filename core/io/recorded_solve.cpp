@@ -22,7 +22,7 @@ SolverKind read_solver(const InputFile& file) {
   }
 }
 
-/// Files written before there was a choice say nothing, and so do those of the mode there was.
+/// Files written before there was a choice hold nothing, and so do those of the old mode.
 template <class Mode>
 Mode read_mode(const InputFile& file, const char* path, Mode before, Mode (*from_string)(const std::string&)) {
   if (!file.has(path)) return before;
@@ -73,7 +73,7 @@ SpectrumRules read_rules(const InputFile& file) {
 constexpr std::pair<RecordedForm, const char*> kForms[] = {{RecordedForm::jacobian, "jacobian"},
                                                            {RecordedForm::bodies, "bodies"}};
 
-/// Files of matrices say nothing.
+/// Files of matrices hold nothing.
 RecordedForm read_form(const InputFile& file) {
   if (!file.has("solve/form")) return RecordedForm::matrix;
   const std::string name = file.strings("solve/form", 1).front();

@@ -5,8 +5,8 @@
 
 namespace stiction {
 
-/// Value for boxed friction in templates over the law of contacts (docs/math/box_friction.md). A cone has a kind that
-/// says so. Contacts of bodies are all of one kind, and code of the other laws does not know of this one.
+/// Value for boxed friction in templates over the law of contacts (docs/math/box_friction.md). Its cone's kind is
+/// boxed. Contacts of bodies are all of one kind, and code of the other laws does not know of this one.
 inline constexpr Law kBoxFriction = static_cast<Law>(2);
 /// Laws that contacts of bodies may have.
 inline constexpr int kContactLaws = 3;

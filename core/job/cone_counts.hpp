@@ -33,7 +33,7 @@ STICTION_HD constexpr EnvPath choose_path(Offset n, Offset nnz, bool is_never_de
 
 /// Cones of each kind in an environment. In canonical order cones are sorted by kind and row count (free, unilateral,
 /// box, friction of 2, 3, ... 6 rows). Boxed friction and semidefinite matrices have the rows and the place of a
-/// friction cone. The sort is stable, so these counts say where every cone begins.
+/// friction cone. The sort is stable, so these counts give where every cone begins.
 struct ConeCounts {
   Index free = 0;
   Index unilateral = 0;

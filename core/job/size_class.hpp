@@ -68,7 +68,7 @@ STICTION_HD constexpr SizeClass size_class(EnvPath path, Index rows, const Class
 }
 
 /// Returns the key of an environment in the order of execution: class, then size. Environments without a limit are
-/// told apart by the power of two of their rows, dense ones by eighths of their class's limit.
+/// grouped by the power of two of their rows, dense ones by eighths of their class's limit.
 STICTION_HD constexpr int sort_key(SizeClass size_class, Index rows, const ClassLimits& limits = {}) {
   int bucket = 0;
   if (size_class <= SizeClass::factor_warp) {

@@ -4,9 +4,9 @@
 
 namespace stiction {
 
-/// Largest environment for which a method may keep a matrix of its own, unless the caller says otherwise.
+/// Largest environment for which a method may keep a matrix of its own, by default.
 inline constexpr Index kDirectRows = 1024;
-/// The most that a caller may say: a matrix of 8 GiB.
+/// The caller's largest value: a matrix of 8 GiB.
 inline constexpr Index kMostDirectRows = 32768;
 
 /// Memory of a method beside the system. Vectors and matrices of double are for methods that factorise: whatever the

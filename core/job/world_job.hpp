@@ -7,7 +7,7 @@
 /// A world as plain data, which crosses into code compiled for an instruction set or a device.
 namespace stiction {
 
-/// Contact points of one pair of shapes, at most, and numbers that tell them apart from step to step.
+/// Contact points of one pair of shapes, at most, and numbers that identify them from step to step.
 inline constexpr Index kManifoldPoints = 4;
 inline constexpr Index kFeatures = 64;
 

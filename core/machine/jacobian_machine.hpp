@@ -47,7 +47,7 @@ class JacobianMachine {
                      StreamRef stream) = 0;
 };
 
-/// Makes room as it is needed, whatever a capacity says.
+/// Makes room as it is needed, whatever the capacity.
 template <class Real>
 std::unique_ptr<JacobianMachine<Real>> make_cpu_jacobian_machine(FactorUse use, int threads);
 /// \throws Error(no_device) with the reason, Error(unsupported) in a build without CUDA.

@@ -14,9 +14,9 @@ enum class Fill {
 };
 
 /// Appends the plan of a factorisation of H to the stream (take_block_factor reads it). It has the elimination tree,
-/// the pattern of L and the levels (Liu 1990; Davis 2006, chapter 4). The rows are eliminated as `order` says, but
-/// rows that do not depend on each other are sorted by level. No entry of L is added or lost by that. Time linear in
-/// the blocks of L, up to sorting. The pattern is symmetric and has every diagonal block.
+/// the pattern of L and the levels (Liu 1990; Davis 2006, chapter 4). The rows are eliminated by `order`, but rows
+/// that do not depend on each other are sorted by level. No entry of L is added or lost by that. Time linear in the
+/// blocks of L, up to sorting. The pattern is symmetric and has every diagonal block.
 ///
 /// @param order  rows in the order of elimination, a permutation  (pattern.rows)
 /// @throws Error(out_of_memory) when L would have more blocks than an Index counts, Error(invalid_argument) when

@@ -51,7 +51,7 @@ inline void append_pattern(std::vector<Index>& stream, const BlockPattern& patte
 }
 
 /// Appends a square lower pattern by columns: offsets, the row of each block, its number in the pattern; rows
-/// ascending. `has_diagonal` says whether the diagonal blocks, each the last of its row, are among them.
+/// ascending. `has_diagonal`: they include the diagonal blocks, each the last of its row.
 inline void append_columns(std::vector<Index>& stream, std::span<const Index> offsets, std::span<const Index> columns,
                            bool has_diagonal) {
   const auto rows = offsets.size() - 1;

@@ -52,7 +52,7 @@ bool are_alike(const EnvContacts& one, const EnvContacts& other) {
 struct EnvPlan {
   Index *kept, *contact_order, *sides, *vertex_offsets, *color_offsets, *color_count, *body_offsets, *body_contacts;
 
-  /// Copies the plan of an environment which are_alike() says is the same.
+  /// Copies the plan of an environment for which are_alike() holds.
   void copy(const EnvPlan& other, Index bodies, Index contacts) const {
     *kept = *other.kept;
     *color_count = *other.color_count;

@@ -13,8 +13,8 @@ namespace stiction {
 inline constexpr Index kManifoldContacts = 4;
 
 /// Everything decided in integers before a body solve. A "position" is a place in an environment's visiting order.
-/// Each array begins, for environment e, where the batch's own offsets say. It has one more entry per environment
-/// where the last one closes the others, so that environments can be filled in any order.
+/// Each array begins, for environment e, at the batch's own offset. It has one more entry per environment where the
+/// last one closes the others, so that environments can be filled in any order.
 struct BodyPlanData {
   std::vector<Offset> env_body_offsets, env_contact_offsets;  ///< copies of the batch's           (env_count + 1)
   std::vector<Index> kept;           ///< contacts that are solved, all unless over capacity      (env_count)

@@ -12,8 +12,8 @@
 namespace stiction {
 
 /// Everything decided in integers before a solve. Each environment's entries depend on its own structure alone.
-/// Shared, so that a machine with separate memory can tell whether the copy it holds is of this plan. "cone
-/// position" below is a position in that environment's part of cone_order.
+/// Shared, so that a machine with separate memory can check that its copy is of this plan. "cone position" below is a
+/// position in that environment's part of cone_order.
 struct PlanData : std::enable_shared_from_this<PlanData> {
   Offset env_count = 0;
   Offset cone_count = 0;

@@ -77,7 +77,7 @@ class CpuContactMachine final : public ContactMachine {
     }
   }
 
-  /// Solves the environments that `takes` says.
+  /// Solves the environments for which `takes` is true.
   template <class Real>
   void solve_by(const SolveRequest<Real>& request, const cpu::Job<Real>& job, SolverKind solver,
                 const std::function<bool(Offset)>& takes) const {

@@ -7,7 +7,7 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// Rows of J that a core works on at once: eight, in whatever vectors there are, or one where there are none.
+/// Rows of J that a core works on at once: eight, in any vectors, or one where there are none.
 template <class Real>
 using MassTile =
     std::conditional_t<kPackWidth<Real> == 1, RowTile<Real>,

@@ -6,7 +6,7 @@
 namespace stiction::inline STICTION_ISA {
 
 // Without an instruction for fma every lane calls the library, and a pack would only add code: one environment, or one
-// row, at a time. Tests ask for widths that the instruction set has not: the compiler then splits or halves vectors.
+// row, at a time. Tests ask for widths beyond the instruction set: the compiler then splits or halves vectors.
 #if defined(STICTION_VECTOR_BYTES)
 #elif defined(__AVX512F__) && defined(__AVX512DQ__)
 #define STICTION_VECTOR_BYTES 64

@@ -27,8 +27,8 @@ struct WorkItemRules {
   std::function<Offset(const Shape&)> pack_bytes;
 };
 
-/// Deals those of a plan's environments that `takes` says out to threads: runs of similar dense environments for packs,
-/// the rest one by one.
+/// Deals the plan's environments with `takes` out to threads: runs of similar dense environments
+/// for packs, the rest one by one.
 std::vector<WorkItem<ConeCounts>> make_work_items(const PlanData& plan, const std::function<bool(Offset)>& takes,
                                                   const WorkItemRules<ConeCounts>& rules);
 

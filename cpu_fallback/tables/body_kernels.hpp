@@ -51,7 +51,7 @@ struct BodyPackKernels {
                 double* exact) = nullptr;
 };
 
-/// Sequential impulses, by every law of contacts, boxed friction among them. Instruction sets replace `packs` whole.
+/// Sequential impulses, by every law of contacts, boxed friction included. Instruction sets replace `packs` whole.
 struct BodyKernelSet {
   ByPrecisionAndLaw<BodySingleKernels, kContactLaws> single;
   ByPrecisionAndLaw<BodyPackKernels, kContactLaws> packs;

@@ -29,7 +29,7 @@ struct Isa {
 
 /// The widest build that this CPU runs. All builds give the same bits. The environment variable STICTION_ISA
 /// (baseline, avx2, avx512) asks for a narrower one; widest, or nothing, for this one. Sets that the CPU cannot run
-/// are not taken. \throws Error(invalid_argument) for a name that no build has, with those that there are, and
+/// are not taken. \throws Error(invalid_argument) for a name that no build has, with the existing ones, and
 /// Error(unsupported) where the library was built for another CPU alone.
 const Isa& best_isa();
 

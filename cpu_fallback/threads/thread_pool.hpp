@@ -12,7 +12,7 @@ int thread_count(int requested);
 /// work(item, worker): `worker` is in [0, threads) and no other thread's while the call lasts.
 using ItemWork = std::function<void(int item, int worker)>;
 
-/// Runs work(item, worker) for every item in [0, items) on at most `threads` threads, the caller's among them. Each
+/// Runs work(item, worker) for every item in [0, items) on at most `threads` threads, including the caller's. Each
 /// takes the next item when it is free. Items are independent and an environment never crosses threads, so the choice
 /// of threads reaches no result. Every thread has the algorithms' floating-point environment. The first exception is
 /// rethrown when all stopped.

@@ -56,7 +56,7 @@ class ThreadTeam {
   Place places_[kMaxWidth];
 };
 
-/// Runs work(team, rank) on `threads` threads at once, the caller's among them; on fewer if the system gives no more.
+/// Runs work(team, rank) on `threads` threads at once, including the caller's; on fewer if the system gives no more.
 /// `work` does not throw. Every thread has the algorithms' floating-point environment.
 void run_team(int threads, const std::function<void(ThreadTeam& team, Index rank)>& work);
 

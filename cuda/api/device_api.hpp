@@ -28,15 +28,15 @@ struct DeviceFacts {
   bool is_whole = true;                   ///< no other process has a part of it: launches of the whole device are real
 };
 
-/// Events order work; those that also tell the time cost the device a little more.
+/// Events order work; those that also record the time cost the device a little more.
 enum class EventUse : unsigned char { ordering, timing };
 
 enum class CopyKind : unsigned char { to_device, to_host, on_device };
 
 /// Everything the CUDA machine asks of a device: memory, streams, launches. There are two: the CUDA runtime, and an
-/// emulated device. The latter runs the same launches on the CPU, in any order the streams and events allow, and can be
-/// told to fail. Every call either does its work or throws Error(out_of_memory) or Error(device_failure) and has done
-/// nothing.
+/// emulated device. The latter runs the same launches on the CPU, in any order the streams and events allow, and can
+/// be made to fail. Every call either does its work or throws Error(out_of_memory) or Error(device_failure) and has
+/// done nothing.
 ///
 /// Memory is allocated and freed outside of solves only, so neither is ordered by a stream: the caller waits first.
 class DeviceApi {
@@ -66,8 +66,8 @@ class DeviceApi {
   virtual void copy(void* target, const void* source, std::size_t bytes, CopyKind kind, StreamHandle stream) = 0;
   virtual void fill_zero(void* target, std::size_t bytes, StreamHandle stream) = 0;
   /// Loads a kernel, and looks up how many of its blocks run at once, for launches of this shape with any number of
-  /// teams. launch() then queues and does nothing else. A kernel's first launch of a shape does the same, but must not
-  /// be captured: to load code a device may have to wait.
+  /// teams. launch() then only queues. A kernel's first launch of a shape does the same, but must not be captured: to
+  /// load code a device may have to wait.
   virtual void prepare(const KernelRef& kernel, const LaunchShape& shape) = 0;
   /// `arguments` are copied; they are kernel.argument_bytes long.
   virtual void launch(const KernelRef& kernel, const LaunchShape& shape, const void* arguments,

@@ -17,7 +17,7 @@
 
 namespace stiction::cuda {
 
-/// The calls that an emulated device can be told to fail.
+/// Calls that an emulated device can be made to fail at.
 enum class DeviceCall : unsigned char { allocate, copy, launch, synchronize, create };
 inline constexpr int kDeviceCalls = 5;
 
@@ -120,7 +120,7 @@ class EmulatedDevice final : public DeviceApi {
   void run(const Graph& graph);
   /// Runs one step of some stream, drawn from those that are free to go on.
   void run_one_step();
-  /// Counts a synchronisation; if it was told to fail, the device is lost and nothing queued is ever done.
+  /// Counts a synchronisation; if it is to fail, the device is lost and nothing queued is ever done.
   void begin_wait();
   void count(DeviceCall call, const char* what);
   Offset pick(Offset count);

@@ -6,8 +6,8 @@
 
 namespace stiction::cuda {
 
-/// Lets a lane go on at once, yield or sleep, as its pseudo-random sequence says. Lanes that nothing but a barrier
-/// holds together hence come apart.
+/// Lets a lane go on at once, yield or sleep, by its pseudo-random sequence. Lanes that nothing but a barrier holds
+/// together hence come apart.
 class Pace {
  public:
   /// Never dawdles.

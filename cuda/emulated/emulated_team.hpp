@@ -58,7 +58,7 @@ class EmulatedTeam {
  public:
   static constexpr Index kRowTile = 4;
 
-  /// One block, whose lanes disagree about speed as `seed` says.
+  /// One block, whose lanes run at different speeds by `seed`.
   EmulatedTeam(EmulatedTeamMemory& memory, int rank, std::uint64_t seed = 0)
       : memory_(&memory), lane_(rank), pace_(seed, static_cast<std::uint64_t>(rank)) {}
   /// The whole grid.
@@ -129,7 +129,7 @@ class EmulatedTeam {
     return value;
   }
 
-  /// Joins the values of `count` members once all are in the slot, `own` among them. Each member's order begins with
+  /// Joins the values of `count` members once all are in the slot, including `own`. Each member's order begins with
   /// its own value, so that an operation whose order shows would differ.
   template <class T, class F>
   static T join_slot(const std::byte* slot, int count, int own, T value, const F& join) {

@@ -16,7 +16,7 @@ inline std::size_t whole_pages(std::size_t bytes) {
   return (bytes + kPageBytes - 1) / kPageBytes * kPageBytes;
 }
 
-/// `bytes`, a multiple of the alignment that is wanted, that end where the page begins; null if there are none.
+/// `bytes`, a multiple of the wanted alignment, that end where the page begins; null if there are none.
 inline void* allocate_guarded(std::size_t bytes) {
   const std::size_t pages = whole_pages(bytes);
   void* const memory = mmap(nullptr, pages + kPageBytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);

@@ -40,8 +40,8 @@ STICTION_HD bool is_sound(TeamT& team, const Job& job, Offset env) {
   return structure_is_sound(team, with_totals(job.contact.batch), env);
 }
 
-/// derive(env, scratch) for every environment that is sound and that there is room for, refuse(env, scratch) for those
-/// that are too large.
+/// derive(env, scratch) for every environment that is sound and fits, refuse(env, scratch) for those that are too
+/// large.
 template <Team TeamT, class Job, class Real, class Derive, class Refuse>
 STICTION_HD void derive_checked(TeamT& team, const cuda::TeamId& id, const cuda::DerivativeArgs<Job, Real>& args,
                                 const Derive& derive, const Refuse& refuse) {

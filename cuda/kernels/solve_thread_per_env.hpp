@@ -14,7 +14,7 @@ template <class Real>
 struct BundleHead {
   struct Slot {
     EnvProgress<Real> progress;
-    unsigned char window;  ///< of registers that its iterations fit into, as register_capacity() says
+    unsigned char window;  ///< of registers that its iterations fit into, by register_capacity()
     Offset env;
   };
   Slot slot[kWarpSlots];

@@ -31,7 +31,7 @@ STICTION_HD std::uint32_t slots_where(TeamT& team, std::uint32_t set, F&& f) {
 
 /// Takes environments from a queue whenever enough slots are free, and works on them until there is none.
 /// start(index, position) loads the environment at a position of the queue, go_on(index) does a chunk of iterations.
-/// Both say whether anything is left to do. `counter` holds how many were taken from the positions begin .. end.
+/// Both return true if anything is left to do. `counter` holds how many were taken from the positions begin .. end.
 template <Team TeamT, class Start, class GoOn>
 STICTION_HD void work_in_slots(TeamT& team, Offset begin, Offset end, Offset* counter, Start&& start, GoOn&& go_on) {
   std::uint32_t busy = 0;

@@ -22,7 +22,7 @@ struct WorldFindArgs {
 template <class Real>
 struct WorldFindNearArgs {
   WorldFindArgs<Real> find;  ///< `workspace` has a NearWorkspace and room for near pairs for each team
-  Offset room;               ///< near pairs that there is room for
+  Offset room;               ///< limit of near pairs
   Offset* near;              ///< near pairs of each environment                                      (env_count)
 };
 
@@ -65,7 +65,7 @@ struct FindWorldContacts {
   }
 };
 
-/// An environment with more near pairs than there is room for has no contacts, and says how many pairs it has.
+/// An environment with more near pairs than fit has no contacts, and records how many pairs it has.
 template <class Real>
 struct FindNearWorldContacts {
   using Args = cuda::WorldFindNearArgs<Real>;

@@ -204,7 +204,7 @@ void DeviceDerivativeMachine::add_lanes(JacobianRoom<Real>& room, const Jacobian
   set.add(room.args.islands, room.teams * islands);
 }
 
-/// Room for the batch, whose environments are no larger than the derivative's capacity says: larger ones get none.
+/// Room for the batch, whose environments are within the derivative's capacity: larger ones get none.
 template <class Real>
 void DeviceDerivativeMachine::make_room(JacobianRoom<Real>& room, const JacobianBatchView<Real>& batch, Offset count,
                                         StreamHandle stream) {

@@ -89,7 +89,7 @@ class DeviceDerivativeMachine final : public DerivativeMachine {
 
   std::shared_ptr<DeviceApi> api_;
   bool eager_;
-  bool captured_ = false;  ///< graphs hold the memory that there is
+  bool captured_ = false;  ///< graphs hold the present memory
   double kappa_;
   Index most_rows_, most_dofs_;
   Offset most_nonzeros_;

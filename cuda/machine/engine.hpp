@@ -66,7 +66,7 @@ class Engine {
   /// Times the work that this engine queues, and work queued around it.
   [[nodiscard]] StreamTimer& timer() noexcept { return timer_; }
 
-  /// Finds the islands of a batch in device memory, of environments that there is room for.
+  /// Finds the islands of a batch in device memory, of environments within the room.
   void islands(const BatchStructure& batch, Index* island, Index* count, StreamHandle stream);
 
   /// Returns the last plan on the device, for tests that compare its integers.
@@ -88,7 +88,7 @@ class Engine {
 
   struct Reserved {
     Capacity capacity;
-    std::bitset<kSolverKindCount> solvers;  ///< those that there is room for
+    std::bitset<kSolverKindCount> solvers;  ///< those within the room
     bool has_doubles = false;               ///< room for solves in double precision, too
   };
 

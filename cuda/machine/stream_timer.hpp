@@ -42,7 +42,7 @@ class StreamTimer {
     timed->complete = true;
   }
 
-  /// Hands over spans that are done by now, without waiting. Times that a lost device does not tell are left out.
+  /// Hands over spans that are done by now, without waiting. Times that a lost device does not give are left out.
   void collect() noexcept;
 
  private:

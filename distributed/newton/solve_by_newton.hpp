@@ -18,9 +18,9 @@ struct NewtonCounts {
   std::int64_t linear_steps = 0;  ///< of conjugate and stabilized gradients
 };
 
-/// Solves every environment of a host batch, which all ranks have. `part` says which subdomain each body is in
-/// (body_count), and `home` which rank each subdomain is of (domains.count), the same on all ranks. Bits follow `part`
-/// and neither `home` nor the number of ranks. `options.iterations` limits Newton steps, and status counts them.
+/// Solves every environment of a host batch, which all ranks have. `part` gives the subdomain of each body
+/// (body_count), and `home` the rank of each subdomain (domains.count), the same on all ranks. Bits follow `part` and
+/// neither `home` nor the number of ranks. `options.iterations` limits Newton steps, and status counts them.
 /// `options.space.ordering` is that of the factors. Rank 0 gets the solution, as of solve_over_ranks(). Status is a
 /// BodySolver's verdict on the impulses that are returned.
 ///

@@ -12,7 +12,7 @@ namespace stiction::distributed {
 
 using Point = std::array<double, 3>;
 
-/// Positions of a batch's bodies, relative to one another: arms say how far apart the two bodies of a contact are.
+/// Positions of a batch's bodies, relative to one another: arms give the distance of the two bodies of a contact.
 /// Groups of bodies that no contacts join, but for the world's, are set side by side along x. A body that touches no
 /// other is where the one before it is.   (body_count)
 template <class Real>

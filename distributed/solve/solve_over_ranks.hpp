@@ -24,10 +24,10 @@ struct RankReport {
   std::int64_t rounds = 0;     ///< of consensus
 };
 
-/// Solves every environment of a host batch, which all ranks have, over the ranks of a transport. `owner` says which
-/// rank owns each body, the same on all ranks (body_count). Options, plan and bits are those of BodySolver on the CPU.
-/// Rank 0 gets the solution and writes it, others write nothing and may pass null pointers. All ranks call this, and
-/// all get each one's record, by rank.
+/// Solves every environment of a host batch, which all ranks have, over the ranks of a transport. `owner` gives the
+/// rank that owns each body, the same on all ranks (body_count). Options, plan and bits are those of BodySolver on the
+/// CPU. Rank 0 gets the solution and writes it, others write nothing and may pass null pointers. All ranks call this,
+/// and all get each one's record, by rank.
 ///
 /// \throws Error(invalid_argument) as BodySolver, for an owner that is no rank, and if ranks were given different
 /// batches, options or owners. Error(unsupported) for a method other than impulses, or a limit of contacts. RankLost

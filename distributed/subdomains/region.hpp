@@ -22,7 +22,7 @@ class Region {
   [[nodiscard]] BodySolutionView<Real> solution();
   /// Impulses of the solve before, by local contact.
   [[nodiscard]] const Real* first_guess();
-  /// Round 0: rows of six numbers that copies tell one another, at `told()`.
+  /// Round 0: rows of six numbers that copies exchange, at `told()`.
   [[nodiscard]] const Rounds& rounds() const { return rounds_; }
   [[nodiscard]] double* told() { return told_.data(); }
 
@@ -42,7 +42,7 @@ class Region {
   void restore_asked(double factor);
   /// Into told(): changes of each copy's twist by its contacts.
   void tell_changes();
-  /// Judges the impulses here, once the changes by all others were told.
+  /// Judges the impulses here, once all others' changes have come.
   [[nodiscard]] LargestResidual<double> judge();
   /// Largest |b| of the contacts here [w].
   [[nodiscard]] double scale() const;

@@ -17,11 +17,11 @@ class RoundLetters {
 
   /// All have met: no rank has made a round, and letters from before are dropped.
   void begin();
-  /// Sends rows to neighbours after a round, of which `made` were made. Others are told once it is enough of them.
+  /// Sends rows to neighbours after a round, of which `made` were made. Others get a letter once it is enough of them.
   void send(Index made, const double* rows);
   /// Takes all letters that are here; the newest rows of each rank stay.
   void take(double* rows);
-  /// Waits for a letter of a rank that has not made enough rounds; there is one.
+  /// Waits for a letter of a rank that has not made enough rounds; there must be one.
   void await(double* rows);
   /// Returns true if every other rank has made kConsensusRounds.
   [[nodiscard]] bool all_are_ready() const { return first_behind() < 0; }

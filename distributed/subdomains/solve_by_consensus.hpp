@@ -21,9 +21,9 @@ struct ConsensusOptions {
   std::function<void()> after_sweeps = {};
 };
 
-/// Solves every environment of a host batch, which all ranks have. `part` says which subdomain each body is in, the
-/// same on all ranks (body_count). A subdomain is swept as BodySolver sweeps an environment. `options.iterations`
-/// limits sweeps, of which whole rounds of `sweeps` are made, and status counts them. Each rank solves some of the
+/// Solves every environment of a host batch, which all ranks have. `part` gives the subdomain of each body, the same
+/// on all ranks (body_count). A subdomain is swept as BodySolver sweeps an environment. `options.iterations` limits
+/// sweeps, of which whole rounds of `sweeps` are made, and status counts them. Each rank solves some of the
 /// subdomains; answers have the same bits for any number of ranks. Rank 0 gets the solution, as of solve_over_ranks().
 /// Status is a BodySolver's verdict on the impulses that are returned.
 ///

@@ -42,7 +42,7 @@ class Letter {
 };
 
 /// A letter to every rank, empty where nothing is sent, and every rank's letter to this one. All ranks call it. Each
-/// sends and gets messages of those alone that have something to say. \throws RankLost
+/// sends and gets messages only of ranks with data for one another. \throws RankLost
 std::vector<Letter> exchange_with_all(Transport& transport, const std::vector<Letter>& out);
 
 /// A letter to each of these other ranks, and one from each. They call it, too. \throws RankLost

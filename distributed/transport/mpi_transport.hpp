@@ -18,13 +18,13 @@ class MpiSession {
 /// This process's rank, within a session.
 int mpi_rank();
 
-/// The ranks that mpirun has started, over host memory. \throws Error(invalid_argument) for a deadline that is none.
+/// The ranks that mpirun has started, over host memory. \throws Error(invalid_argument) for a wrong deadline.
 std::unique_ptr<Transport> mpi_transport(double deadline_seconds);
 
-/// Tells all higher ranks that this one says why the job ends. Waits a second at most until they can know.
+/// Tells all higher ranks that this one prints why the job ends. Waits a second at most until they can know.
 void mpi_say_refused();
 
-/// Returns true if a lower rank has said so.
+/// Returns true if a lower rank did so.
 bool mpi_is_refused();
 
 /// Ends all ranks at once with that exit status; they may be waiting, or stopped.

@@ -35,7 +35,7 @@ using Box = std::deque<Sent>;
 /// Messages on their way, the ranks' clocks, and a flag for a rank that has failed.
 class Post {
  public:
-  /// Without a latency all that was sent is there, and clocks say nothing.
+  /// Without a latency all sent letters are there, and clocks do not matter.
   Post(int ranks, std::optional<double> latency)
       : latency_(latency), boxes_(2 * at(ranks) * at(ranks)), ranks_(at(ranks)) {}
   [[nodiscard]] int ranks() const { return static_cast<int>(ranks_.size()); }

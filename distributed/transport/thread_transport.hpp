@@ -11,7 +11,7 @@ namespace stiction::distributed {
 /// \throws Error(invalid_argument) unless ranks >= 1 and seconds > 0
 void run_thread_ranks(int ranks, double deadline_seconds, const std::function<void(Transport&)>& work);
 
-/// A rank with a clock, which advances when it is told to, and while it waits: to the arrival of a letter.
+/// A rank with a clock, which advances by calls, and while it waits: to the arrival of a letter.
 class ClockedTransport : public Transport {
  public:
   /// The rank works for that long.

@@ -17,8 +17,8 @@ struct NearBodies {
   Offset most_bodies = 0;  ///< that one rank has
 };
 
-/// The rank's own bodies and those of other ranks that may touch them within a step. Ranks tell one another the box of
-/// their bodies, and then send those whose box overlaps it. Computes the changes of `own` by forces. All ranks call it.
+/// The rank's own bodies and those of other ranks that may touch them within a step. Ranks exchange the box of their
+/// bodies, and then send those whose box overlaps it. Computes the changes of `own` by forces. All ranks call it.
 /// \throws RankLost
 template <class Real>
 NearBodies<Real> find_near_bodies(Transport& transport, const BodyList<Real>& own, PartOfWorld<Real>& part);

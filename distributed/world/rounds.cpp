@@ -43,7 +43,7 @@ Rounds make_rounds(Transport& transport, const PieceBodies& bodies, const BodyPl
     for (Index k = plan.body_offsets[at(body)]; k < plan.body_offsets[at(body) + 1]; ++k) {
       const Index entry = plan.body_contacts[at(k)];
       const Index p = entry >= 0 ? entry : ~entry;
-      // The other side of a contact whose `entry` says that the body is b, or a.
+      // The other side of a contact whose body is b, or a, by `entry`.
       const Index side = plan.sides[2 * at(p) + (entry >= 0 ? 0 : 1)];
       const int other = side >= 0 ? bodies.owner[at(side)] : bodies.rank;
       if (visits.empty() || visits.back().color != colors[at(p)]) visits.push_back({colors[at(p)], other});

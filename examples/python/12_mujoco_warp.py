@@ -5,7 +5,7 @@
     examples/python/12_mujoco_warp.py [--worlds 8] [--njmax 32] [--cone elliptic]
 
 Prints how each world's last solve ended, beside the answer of MuJoCo Warp's own solver from the same states. With
---njmax 8 there is no room for all contacts, and the status says so.
+--njmax 8 there is no room for all contacts, which the status shows.
 """
 
 import argparse
@@ -41,7 +41,7 @@ def main():
     wp.config.quiet = True
     model = mujoco.MjModel.from_xml_string(SCENE.format(cone=options.cone))
     m = mujoco_warp.put_model(model)
-    m.opt.warn_overflow = 0  # the status tells it, world by world
+    m.opt.warn_overflow = 0  # the status has it, world by world
     d = mujoco_warp.make_data(model, nworld=options.worlds, nconmax=8, njmax=options.njmax)
     qvel = np.zeros((options.worlds, model.nv), np.float32)
     qvel[:, 0] = np.linspace(0, -2, options.worlds)

@@ -46,7 +46,7 @@ void translate(const std::exception_ptr& thrown, void*) {
 }  // namespace
 
 NB_MODULE(_core, module) {
-  // An array that lives until the interpreter ends keeps its memory: nothing is lost, and nothing is to be said.
+  // An array that lives until the interpreter ends keeps its memory: nothing is lost, and no warning is due.
   nb::set_leak_warnings(false);
   module.doc() = "The C++ interface of stiction, as the Python package uses it.";
   error_class = PyErr_NewExceptionWithDoc(

@@ -302,7 +302,7 @@ void MujocoChunk::fill(std::size_t env) {
   if (starts_over_[env] != 0) std::fill_n(start, nv, 0.0);
   if (rows == 0) return;
 
-  // Rows of one simulation have as many entries each, and inactive ones have none, so the row's number says where.
+  // Rows of one simulation have as many entries each, and inactive ones have none, so the row's number gives the place.
   const Offset first_entry = row * nv;
   for (Index i = 0; i < rows; ++i) system_.row_offsets[static_cast<std::size_t>(row + i)] = first_entry + i * nv;
   fill_jacobian(data, system_.J.data() + first_entry, rows);

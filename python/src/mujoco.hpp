@@ -51,7 +51,7 @@ using MujocoFunction = void (*)(const void* model, void* data);
 enum class OwnStage : std::uint8_t {
   count,         ///< counts rows and cones, for gather()
   write_back,    ///< writes qacc, efc_force, efc_state and qfrc_constraint, as MuJoCo's own solver does
-  renew_forces,  ///< says that forces in bodies are not those of these accelerations
+  renew_forces,  ///< flags forces in bodies as not those of these accelerations
   rk4_begin,
   rk4_enter_1,
   rk4_enter_2,
@@ -71,7 +71,7 @@ struct MujocoStage {
 
 /// Treatment of simulations without rows in gather(), whose accelerations are those without constraints.
 enum class Rowless : bool {
-  left_out,  ///< no number of theirs is read, and no solver is told of them
+  left_out,  ///< none of their numbers is read, and no solver gets them
   kept,      ///< they are gathered as others are: for callers that want masses of all, or put others into their places
 };
 

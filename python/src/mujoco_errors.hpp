@@ -8,7 +8,7 @@ namespace stiction::python {
 using MujocoHandler = void (*)(const void* message);
 
 /// Function that sets the handler of the calling thread, and returns the last one, and function that returns that of
-/// all threads. Null where MuJoCo has it not (before 4): errors end the program there, as MuJoCo says.
+/// all threads. Null where MuJoCo lacks it (before 4): errors end the program there, as in MuJoCo.
 struct MujocoHandlers {
   MujocoHandler (*set_of_thread)(MujocoHandler handler) = nullptr;
   MujocoHandler (*of_all)() = nullptr;

@@ -6,8 +6,8 @@
 
 namespace stiction::python {
 
-/// The simulations of a system that have degrees of freedom in it, as a batch over the same arrays. A solver is told of
-/// them alone. Others take no place in those arrays, so that a solver's input lies side by side.
+/// The simulations of a system that have degrees of freedom in it, as a batch over the same arrays. A solver gets them
+/// alone. Others take no place in those arrays, so that a solver's input lies side by side.
 class SolvedPart {
  public:
   /// The batch, which lasts until this is called again. Limits are as in JacobianBatchView, of all simulations, or

@@ -56,7 +56,7 @@ def ranks(environment=os.environ):
     """The Ranks that a launcher's variables name; rank 0 of 1 where there is none.
 
     A Slurm batch script itself is rank 0 of 1: only processes started by srun have a step's number of tasks. Raises
-    ValueError where a variable is missing or no number.
+    ValueError where a variable is missing or not a number.
     """
     for launcher, *names in _LAUNCHERS:
         found = [environment.get(name) for name in names]
@@ -342,4 +342,4 @@ def _covers(place):
     try:
         return end == int(_read(last)["total"])
     except ValueError:
-        return True  # load() says so
+        return True  # load() reports it

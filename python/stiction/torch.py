@@ -261,7 +261,7 @@ def step_world(world, position, orientation, twist, wrench=None, *, kappa=0.0):
     depends on the arguments and the world's options alone.
 
     position and twist have derivatives by position, twist and wrench, in reverse and once: those of stiction.WorldStep.
-    It tells the frozen quantities, and the effect of kappa. orientation has none. Environments without a derivative
+    It lists the frozen quantities, and the effect of kappa. orientation has none. Environments without a derivative
     have zeros. Solve to a small tolerance, and give contacts compliance (cfm > 0).
     """
     return WorldState(*_WorldStep.apply(position, orientation, twist, wrench, world, kappa))

@@ -40,8 +40,8 @@ def controls(model, step, seed=0):
 
 
 def disturb(simulation):
-    """Small velocities, so that no bodies lie symmetrically: step_side_by_side() says why. Within a step of RK4
-    contacts are found three more times, from states that the solver's last bits have led to."""
+    """Small velocities, so that no bodies lie symmetrically: see step_side_by_side(). Within a step of RK4 contacts
+    are found three more times, from states that the solver's last bits have led to."""
     data = simulation.data[0]
     data.qvel[:] = 1e-3 * np.random.default_rng(7).standard_normal(len(data.qvel))
 

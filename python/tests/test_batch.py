@@ -1,4 +1,4 @@
-"""One problem said in every way there is has one answer, to the bit, and arrays are read where they are."""
+"""One problem given in every way has one answer, to the bit, and arrays are read where they are."""
 
 import numpy as np
 import pytest

@@ -37,7 +37,7 @@ def problem(mu, law, slides):
 
 
 def slopes(jax, numbers, dtype, law):
-    """Derivatives of the loss by A, b and mu, and whether they are said to be some."""
+    """Derivatives of the loss by A, b and mu, and whether they are flagged as sound."""
     import stiction.jax
     numbers = tuple(part.astype(dtype) for part in numbers)
     options = {"law": law, "solver": "npgs", "max_iterations": 20000, **OPTIONS[dtype]}
@@ -98,7 +98,7 @@ def test_what_is_not_determined_or_not_solved_is_told(jax, law):
     for dtype in (np.float32, np.float64):
         numbers, answer = [part.astype(dtype) for part in twice], (*(part.astype(dtype) for part in shared[:2]), shared[2])
         assert not stiction.jax.has_derivative(answer, *numbers, law=law)
-        assert stiction.jax.has_derivative(answer, *numbers, np.full(6, 0.1, dtype), law=law)  # R tells them apart
+        assert stiction.jax.has_derivative(answer, *numbers, np.full(6, 0.1, dtype), law=law)  # R distinguishes them
         numbers = [part.astype(dtype) for part in good]
         answer = stiction.jax.solve(*numbers, law=law, max_iterations=0)
         assert not stiction.jax.has_derivative(answer, *numbers, law=law)

@@ -108,7 +108,7 @@ def test_relaxed_is_that_of_the_equations_that_jax_differentiates(jax, solve, la
         exact, pull = jax.vjp(answer, *numbers)
         _, pull_wanted = jax.vjp(wanted, *numbers)
         for name, ours, theirs in zip(("A", "b", "mu", "R"), pull(by), pull_wanted(by)):
-            if name == "mu":  # of a normal row it is no number of the problem
+            if name == "mu":  # of a normal row it is not part of the problem
                 ours, theirs = (np.where(relaxed.is_normal, 0, part) for part in (ours, theirs))
             np.testing.assert_allclose(ours, theirs, atol=1e-8 * (1 + np.abs(theirs).max()), err_msg=name)
         for found, plain in zip(exact, functools.partial(answer, kappa=0.0)(*numbers)):

@@ -1,4 +1,4 @@
-"""Worlds of thousands of shapes: contacts are those that distances of centres say, and those of MuJoCo."""
+"""Worlds of thousands of shapes: contacts are those by distances of centres, and those of MuJoCo."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Simulations copied and pickled, the rows that MuJoCo's own solver has solved, and counts that are none."""
+"""Simulations copied and pickled, the rows that MuJoCo's own solver has solved, and wrong counts."""
 
 import copy
 import pickle

@@ -104,7 +104,7 @@ for name, cone, dtype, integrator in {cases}:
 
 
 def test_instruction_sets_change_no_bit():
-    """Lanes of every width that this build and machine have, one robot at a time among them."""
+    """Lanes of every width that this build and machine have, including one robot at a time."""
     found = {}
     folder = os.path.dirname(__file__)
     for isa in ("widest", "avx2", "baseline"):

@@ -74,7 +74,7 @@ WITHIN = (1e-9, 1e-7, 2e-5)
 
 @pytest.mark.parametrize("margin, gap, size", [(0.0, 0.0, None), (0.01, 0.0, None), (0.01, 0.015, None), (0.01, 0.0, ".14")])
 def test_contacts_of_spheres_are_mujocos(margin, gap, size):
-    """Larger ones have the deepest eight, and records say so."""
+    """Larger ones have the deepest eight, and records are flagged."""
     model = model_of("sphere", margin, gap, size=size)
     data = poses(model, 3 * COUNT, -.1, .4)
     simulation = lanes(model, data)

@@ -1,4 +1,4 @@
-"""Careless callers with simulations inside MuJoCo: numbers that there are not, Ctrl-C, threads, small arenas."""
+"""Careless callers with simulations inside MuJoCo: wrong numbers, Ctrl-C, threads, small arenas."""
 
 import signal
 import threading
@@ -82,7 +82,7 @@ def test_simulations_stepped_from_several_threads_wait_for_each_other():
 
 @pytest.mark.skipif(memory_layout.handlers() == [0, 0], reason="MuJoCo before 4: its errors end the program, NOT tested")
 def test_an_error_of_mujocos_is_an_exception_and_not_the_end_of_the_program():
-    """The arena is too small once there are contacts; mujoco.mj_step says so by mujoco.FatalError."""
+    """The arena is too small once there are contacts; mujoco.mj_step raises mujoco.FatalError."""
     text = SMALL.replace("<worldbody>", '<size memory="2K"/><worldbody>').replace(
         "</worldbody>", '<body pos="1 0 1"><joint name="a"/><geom size=".1"/></body></worldbody>'
                         '<actuator><motor joint="a"/></actuator>')

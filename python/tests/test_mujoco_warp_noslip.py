@@ -26,7 +26,7 @@ def test_noslip_goes_to_the_end_of_the_sweeps(cone, jacobian):
     qacc, found, qfrc, Ma = numbers(d, "qacc", "force", "qfrc_constraint", "Ma")
     assert np.abs(softly[0] - expected).max() > 0.2
     assert np.abs(qacc[0] - expected).max() < 1e-4
-    # Normal forces are as they were, friction within its cone, and the rest of the data says the same.
+    # Normal forces are as they were, friction within its cone, and the rest of the data agrees.
     n, kind = int(d.nefc.numpy()[0]), d.efc.type.numpy()[0]
     still = np.isin(kind[:n], (0, 3, 4, 5))
     np.testing.assert_array_equal(found[0, :n][still], force[0, :n][still])

@@ -1,4 +1,4 @@
-"""Refusals of stiction.torch at the call, or where a derivative that there is not is asked for."""
+"""Refusals of stiction.torch at the call, or where a missing derivative is asked for."""
 
 import pytest
 from frameworks import framework

@@ -1,4 +1,4 @@
-"""Worlds whose solver is told nothing: their steps are solved."""
+"""Worlds with default options of the solver: their steps are solved."""
 
 import numpy as np
 import pytest

@@ -54,7 +54,7 @@ def test_a_steps_derivative_is_that_of_differences(law, restitution):
 @pytest.mark.parametrize("law", ["convex", "coulomb"])
 def test_kappa_tells_of_a_floor_that_is_not_reached(law):
     """A ball above the floor, whose contact is found and open. With kappa its speed after the step follows that before
-    by less than all of it, as the contact's own equation says."""
+    by less than all of it, by the contact's own equation."""
     kappa, dt, gap, speed = 1e-3, 1e-2, 2e-3, -0.05
     ball, floor = Shape("sphere", 0.1, body=0, mu=0.5), Shape("plane", mu=0.5)
     body = solids(ball)[0]

@@ -29,7 +29,7 @@ TEST(Anderson, TheWeightsAreThoseOfTheLeastSquaresProblem) {
   // A step remembered twice is shared out, not divided by zero.
   const AndersonWeights twice = anderson(team, 4, f.data(), 2, [&](Index) { return steps[0].data(); });
   EXPECT_NEAR(twice.gamma[0] + twice.gamma[1], 1.5, 1e-8);
-  // Steps of no length say nothing.
+  // Steps of no length prove nothing.
   const std::vector<double> nothing(4, 0.0);
   EXPECT_EQ(anderson(team, 4, f.data(), 1, [&](Index) { return nothing.data(); }).gamma[0], 0.0);
 }

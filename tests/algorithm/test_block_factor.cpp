@@ -49,7 +49,7 @@ std::vector<Index> level_of(const BlockFactorView& plan) {
   return level;
 }
 
-/// (L L')_ij for every place of the factor, less H_ij: the largest over those that `counts` says matter.
+/// (L L')_ij for every place of the factor, less H_ij: the largest over those in `counts`.
 template <class F>
 double largest_difference_from(PreconditionerWorkspace& workspace, F&& counts) {
   const BlockFactorView plan = workspace.factor();

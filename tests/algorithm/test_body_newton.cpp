@@ -347,7 +347,7 @@ TEST(BodyNewton, SinglePrecisionEndsWhereItsImpulsesDo) {
   const auto solution = solve_bodies(batch_of<float>({env}), compliant(1e-3), newton(Law::coulomb, 1e-5));
   EXPECT_EQ(solution.status[0].code, EnvCode::solved);
   // Impulses that are rounded to 2^-24 are off by that times A lambda, which is some hundred times b. No method gets
-  // below, and this one says so and returns the best it saw.
+  // below, and this one reports it and returns its best.
   const auto best = solve_bodies(batch_of<float>({env}), compliant(1e-3), newton(Law::coulomb, 0));
   EXPECT_NE(best.status[0].code, EnvCode::solved);
   EXPECT_LE(best.status[0].residual, solution.status[0].residual);

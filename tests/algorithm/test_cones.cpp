@@ -145,7 +145,7 @@ TEST(Cones, AMetricWithoutTangentialRowsAsksForTheNormalAlone) {
 }
 
 TEST(Cones, WhatIsPolarStaysSoWhereItsLengthOverflows) {
-  // An open contact whose tangential motion is beyond all bounds, with de Saxce's term: the sum of both is no number.
+  // An open contact whose tangential motion is beyond all bounds, with de Saxce's term: the sum of both is NaN.
   for (const double share : {0.5, 0.25}) {
     double z[] = {-std::numeric_limits<double>::infinity(), 1e203, -1e203};
     project_second_order_cone<3>(z, share);

@@ -16,7 +16,7 @@
 #include "tests/support/systems/random_systems.hpp"
 
 /// Lanes from inside: their loads and verdicts, against each environment alone. Compiled for each of the library's
-/// widths, packs of several tiles side by side among them.
+/// widths, including packs of several tiles side by side.
 namespace {
 
 using namespace stiction;

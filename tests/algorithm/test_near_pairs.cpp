@@ -1,5 +1,5 @@
 // The tree of a large environment finds the contacts that testing all pairs finds, in the same order and bits. Numbers
-// of pairs are those of a sorted list, and spheres touch where their centres say so.
+// of pairs are those of a sorted list, and spheres touch by their centres.
 #include <gtest/gtest.h>
 
 #include <algorithm>

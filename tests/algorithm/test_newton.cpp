@@ -18,7 +18,7 @@ namespace {
 
 using Params = MethodParams<double>;
 
-/// Newton from inside: the system after every iteration until the method says that it is finished.
+/// Newton from inside: the system after every iteration until the method is finished.
 template <Law kLaw, template <class> class SystemOf = Dense>
 struct Iterated {
   Prepared<Newton, kLaw, SystemOf> prepared;

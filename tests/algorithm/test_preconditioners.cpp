@@ -201,7 +201,7 @@ TEST(SparseInverse, RowsAreShortHoweverManyTouchABody) {
 }
 
 /// G minimises | S_i E_i' - G_i L |_F over the blocks of each row i, whatever the scale S_i. The remainder is
-/// orthogonal to the rows of L that the pattern lets in. With H = L L' this says that G H has no block on the pattern
+/// orthogonal to the rows of L that the pattern lets in. With H = L L' this means that G H has no block on the pattern
 /// but the diagonal ones. The scale makes the diagonal blocks of G H G' the identity.
 TEST(SparseInverse, MinimisesTheDistanceOfGLFromTheIdentityUpToTheScaleOfItsRows) {
   for (const BoxScene& scene : {box_wall(4, 4), box_pyramid(4), random_touching(8, 25, 0.2)}) {

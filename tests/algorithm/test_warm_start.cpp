@@ -38,7 +38,7 @@ TEST(Sort, IsWhatTheStandardLibraryMakesOfEveryLengthAndOrder) {
 }
 
 /// By the 0-1 principle a network that sorts every sequence of zeros and ones sorts everything. Ties among zeros are
-/// broken by place, which a network of comparators cannot tell from a strict order.
+/// broken by place, which a network of comparators does not distinguish from a strict order.
 TEST(Sort, SortsEverySequenceOfZerosAndOnesUpToLength14) {
   for (Index n = 1; n <= 14; ++n) {
     for (std::uint32_t pattern = 0; pattern < (1U << n); ++pattern) {

@@ -1,4 +1,4 @@
-// Use of a GPU, as NVML says it. A fake NVML answers, so that the answers are known; no GPU is needed.
+// Use of a GPU, by NVML. A fake NVML answers, so that the answers are known; no GPU is needed.
 #include <dlfcn.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -218,7 +218,7 @@ TEST_F(Solve, RepeatedSolvesAreSoManyOfTheSameAndTheShortestIsReported) {
   for (const Json& event : Json::parse(read_text(folder_ / "t.json")))
     if (event["name"] == "solve") microseconds.push_back(event["dur"]);
   ASSERT_EQ(microseconds.size(), 3U);
-  // The report has the answer's memory around each solve, which the trace has not.
+  // The report has the answer's memory around each solve, which the trace does not have.
   EXPECT_GE(1e6 * json["seconds"]["solve"].get<double>(), *std::min_element(microseconds.begin(), microseconds.end()));
 }
 

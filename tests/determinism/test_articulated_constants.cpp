@@ -82,8 +82,8 @@ TEST(ArticulatedConstants, NoInstructionSetAndNoThreadChangesABit) {
     }
 }
 
-/// Each environment has the bits of a batch whose description has its constants. It tells every number that follows
-/// from a constant, and every constant of a neighbour, from the right one.
+/// Each environment has the bits of a batch whose description has its constants. It separates every number that
+/// follows from a constant, and every constant of a neighbour, from the right one.
 TEST(ArticulatedConstants, ARobotIsTheOneThatADescriptionWouldMake) {
   for (const bool is_elliptic : {false, true})
     for (const bool is_rk4 : {false, true}) {
@@ -105,7 +105,7 @@ TEST(ArticulatedConstants, ARobotIsTheOneThatADescriptionWouldMake) {
     }
 }
 
-/// Moments of a body in any order, equal ones among them: M is that of a description to roundings.
+/// Moments of a body in any order, also equal ones: M is that of a description to roundings.
 TEST(ArticulatedConstants, PrincipalMomentsMayHaveAnyOrder) {
   const std::array<double, 3> moments[] = {
       {.03, .05, .04}, {.04, .03, .05}, {.05, .04, .02}, {.04, .04, .04}, {0, .02, .02}};
@@ -159,7 +159,7 @@ TEST(ArticulatedConstants, ARobotWithoutMassIsToldApart) {
   for (const std::size_t env : {0U, 2U}) EXPECT_EQ(robots.status()[env].code, EnvCode::solved);
 }
 
-/// Dry friction that a robot has not makes no row for it.
+/// Dry friction that a robot does not have makes no row for it.
 TEST(ArticulatedConstants, RowsOfDryFrictionComeWithIt) {
   ArticulatedDescription model = walker(false);
   model.pairs.clear();

@@ -52,7 +52,7 @@ TEST_P(GoldenOn, EveryAnswerHasTheBitsOfThisNumericsEpoch) {
   ASSERT_STREQ(cpu::best_isa().name, GetParam());
   for (const GoldenCase& row : golden_cases()) {
     const auto then = goldens().find(row.name);
-    if (then == goldens().end()) continue;  // the test of the names says so
+    if (then == goldens().end()) continue;  // the test of the names reports it
     if (!is_computed_on(row.name, GetParam())) continue;
     EXPECT_EQ(then->second, row.hash(Device::cpu()))
         << row.name << ": a change of bits raises kNumericsEpoch and is named in CHANGELOG.md";

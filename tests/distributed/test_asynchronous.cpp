@@ -186,7 +186,7 @@ TEST(Asynchronous, LettersCarryTheNewestRows) {
   });
 }
 
-/// A rank that says nothing is waited for once another one has made all the rounds it may.
+/// A silent rank is waited for once another one has made all the rounds it may.
 TEST(Asynchronous, ARankThatIsSilentEndsTheJob) {
   const BodyBatch<double> batch = batch_of(small_wall());
   const std::vector<int> part = parts_of(batch, 2);

@@ -145,7 +145,7 @@ TEST(Ranks, NothingMoves) {
   expect_one_answer(batch_of(still), sweeps(30, 1e-6), std::vector<double>(3 * still.contacts.size(), 0.5));
 }
 
-/// Random graphs: any body may touch any other, colours are many, and ghosts are told late.
+/// Random graphs: any body may touch any other, colours are many, and ghosts are late.
 TEST(Ranks, AnythingTouchesAnything) {
   for (std::uint64_t seed = 1; seed <= 6; ++seed) {
     std::uint64_t state = seed;

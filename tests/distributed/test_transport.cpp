@@ -181,7 +181,7 @@ TEST(Transport, ClocksSayWhatHasArrived) {
     });
 }
 
-/// A rank that waits goes on when the message arrives, which is no sooner than its sender's clock says.
+/// A rank that waits goes on when the message arrives, which is no sooner than by its sender's clock.
 TEST(Transport, ClocksGoOnWhileTheirRanksWait) {
   run_clocked_ranks(3, 60, 0.25, [&](ClockedTransport& transport) {
     transport.advance(transport.rank() == 1 ? 5 : 1);

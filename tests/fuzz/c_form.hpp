@@ -10,11 +10,11 @@
 #include "stiction.h"
 #include "tests/fuzz/numbers.hpp"
 
-/// A struct of the C interface over arrays that are exactly as long as stiction.h says, so that reading past one of
-/// them is seen. There are edits of it that a hostile caller could make without breaking that rule.
+/// A struct of the C interface over arrays that are exactly as long as in stiction.h, so that reading past one of them
+/// is seen. There are edits of it that a hostile caller could make without breaking that rule.
 namespace stiction::fuzz {
 
-/// Any value for an integer of the interface, those near `value` among them.
+/// Any value for an integer of the interface, including those near `value`.
 template <class T>
 T wild_integer(Bytes& bytes, T value) {
   using Limits = std::numeric_limits<T>;
@@ -50,7 +50,7 @@ class CForm {
   void array(std::size_t where, const T* values, std::int64_t count) {
     array(where, std::vector<T>(values, values + count));
   }
-  /// Adds a field that says how long arrays are: edits make it smaller only.
+  /// Adds a field that is a length of arrays: edits make it smaller only.
   void length(std::size_t where) { lengths_.push_back(where); }
   /// Adds a field of int32_t that edits may set to anything.
   void choice(std::size_t where) { choices_.push_back(where); }

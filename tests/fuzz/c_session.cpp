@@ -309,7 +309,7 @@ void Session<Real>::solve_bodies(Bytes& bytes) {
 
 template <class Real>
 void Session<Real>::step(Bytes& bytes) {
-  // Ids are unique within an environment, unless the bytes say otherwise.
+  // Ids are unique within an environment, unless the bytes make them equal.
   std::vector<std::uint64_t> ids(kAllContacts);
   for (std::size_t i = 0; i < ids.size(); ++i) ids[i] = i;
   if (bytes.once_in(4)) ids[bytes.byte() % ids.size()] = bytes.byte();

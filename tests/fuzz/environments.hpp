@@ -38,7 +38,7 @@ Index rows_of(const std::vector<typename Environment<Real>::Cone>& all) {
 }
 
 /// Sound numbers. A is symmetric and its diagonal outweighs the rest of each row. A share of it is stored, so that
-/// there are environments of several islands and such as are not solved densely.
+/// there are environments of several islands and some that are not solved densely.
 template <class Real>
 Case<Real> sound_case(Bytes& bytes) {
   Case<Real> result;

@@ -35,8 +35,8 @@ void read_batch(const io::InputFile& file) {
 
 }  // namespace
 
-// libFuzzer's entry: any bytes, read as every kind of file there is. read_any tells contact batches and local, global
-// and rolling problems of FCLIB apart by content; the seeds have one or more of each.
+// libFuzzer's entry: any bytes, read as every kind of file there is. read_any distinguishes contact batches and local,
+// global and rolling problems of FCLIB by content; the seeds have one or more of each.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const auto image = std::as_bytes(std::span(data, size));
   std::optional<io::InputFile> file;

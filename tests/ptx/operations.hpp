@@ -10,7 +10,7 @@
 
 #include "tests/ptx/lane.hpp"
 
-/// Instructions that C++ says otherwise: NVIDIA, "Parallel Thread Execution ISA", version 9.0, section 9.
+/// Instructions that C++ defines otherwise: NVIDIA, "Parallel Thread Execution ISA", version 9.0, section 9.
 namespace stiction::ptx {
 
 template <class To, class From>
@@ -198,7 +198,7 @@ T reverse_bits(T x) {
   for (u32 k = 0; k < kBits<T>; ++k) result = static_cast<T>(result | (x >> k & 1U) << (kBits<T> - 1 - k));
   return result;
 }
-/// To an integer, towards zero, the nearest one that there is; NaN to 0, or to 2^63 where that has 64 bits.
+/// To an integer, towards zero, the nearest representable one; NaN to 0, or to 2^63 where that has 64 bits.
 template <class To, class From>
 To truncated(From x) {
   if (x != x) return sizeof(To) == 8 ? static_cast<To>(1ULL << 63U) : To(0);

@@ -80,7 +80,7 @@ class Warp {
   }
 
  private:
-  /// Lanes at the lowest place of those that do not wait; 0: there are none.
+  /// Lanes at the lowest place among those that do not wait; 0 if there are none.
   [[nodiscard]] u32 furthest_behind() const {
     u32 lanes = 0;
     const Cursor* lowest = nullptr;

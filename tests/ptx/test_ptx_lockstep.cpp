@@ -31,7 +31,7 @@ using ptx::Memory;
 using ptx::TracedLaunch;
 
 constexpr const char* kHead = "counted,compiler,issued,lanes,scratch,lists,input,output,stack,shared,barriers";
-constexpr double kAllowed = 0.1;  ///< more than the table says
+constexpr double kAllowed = 0.1;  ///< more than the table's
 constexpr double kTolerance = 1e-4;
 constexpr Offset kEnvs = 32;
 

@@ -1,4 +1,4 @@
-"""gpu_first and the pack that carries it: the emulated device is right, and whatever goes wrong is said and costs itself alone.
+"""gpu_first and the pack that carries it: the emulated device is right, and a failure costs itself alone.
 
     test_gpu_first.py GPU_FIRST
 """

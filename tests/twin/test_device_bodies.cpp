@@ -240,7 +240,7 @@ TEST(DeviceBodies, AWholeDeviceWorksOnOneLargeEnvironment) {
   expect_same(solve_bodies(batch, {}, options), solve_bodies(batch, {}, options, Device::emulated()));
 }
 
-/// The emulated device's memory is any memory of the process, so a batch can be said to lie there.
+/// The emulated device's memory is any memory of the process, so a batch may lie there.
 TEST(DeviceBodies, ACapturedSolveIsReplayedWithOtherNumbers) {
   const BodySolverOptions options = quick(Law::coulomb);
   const auto batch = mixed_batch<float>();

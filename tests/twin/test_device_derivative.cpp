@@ -321,7 +321,7 @@ TEST(DeviceDerivative, AnEnvironmentThatIsBrokenOrTooLargeLeavesTheOthersAlone) 
   const Problem<double> problem(mixed(Law::coulomb));
   const auto view = problem.batch.view();
   const auto expected = vjp(view, problem.lambda, problem.bar, {}, {}, nullptr, 1);
-  // The widest environment does not fit, and one names a column that there is not.
+  // The widest environment does not fit, and one names a missing column.
   Index widest = 0;
   Offset large = 0;
   for (Offset e = 0; e < view.env_count; ++e)

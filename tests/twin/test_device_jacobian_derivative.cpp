@@ -41,7 +41,7 @@ struct Problem {
   }
 
  private:
-  /// `is_broken`: the third environment's M is none.
+  /// `is_broken`: the third environment's M is not definite.
   static JacobianBatch<Real> made(const Form& form, Law law, bool is_broken) {
     JacobianBatch<Real> batch(law, form.mass_form, form.mass_block);
     for (std::uint64_t seed = 1; seed < 8; ++seed) {

@@ -12,7 +12,7 @@
 #include "tests/support/systems/prepared.hpp"
 #include "tests/support/systems/random_systems.hpp"
 
-/// Small environments whose chunks run with the system in registers: which do, and that the bits do not tell.
+/// Small environments whose chunks run with the system in registers: those that do, and equal bits.
 namespace stiction::test {
 namespace {
 

@@ -12,7 +12,7 @@
 #include "stiction/io.hpp"
 #endif
 
-/// A training loop's load: thousands of ragged environments, recorded robots among them, captured once and replayed
+/// A training loop's load: thousands of ragged environments, including recorded robots, captured once and replayed
 /// with other environments in other places every time. STICTION_REPLAY_ENVS and STICTION_REPLAYS make it as large as
 /// the loop is (8192 and 100).
 namespace stiction::test {

@@ -17,7 +17,7 @@ SolverOptions automatic(double tolerance, Index max_iterations) {
   return options(SolverKind::automatic, tolerance, max_iterations);
 }
 
-/// Ragged environments, one with a NaN among them, and one without rows.
+/// Ragged environments, including one with a NaN and one without rows.
 ContactBatch<double> mixed_lot() {
   ContactBatch<double> batch = ragged_batch(2, 9);
   auto arrays = batch.arrays();

@@ -8,8 +8,8 @@
 /// Newton's method in velocities as in textbooks, to compare with (Todorov 2014). The threads of a block take an
 /// environment. J and H are dense, numbers are of single precision, sums go in any order. The arithmetic is
 /// MuJoCo Warp's, without its launches and its traffic of memory between them. It is meant as a bound from below, and
-/// no GPU has timed it. This is a peer, and not an algorithm of the library, which would be told once, in core/.
-/// Nothing of the library's is used but names of cones.
+/// no GPU has timed it. This is a peer, and not an algorithm of the library, which would stand once, in core/. Nothing
+/// of the library's is used but names of cones.
 ///
 /// A Block has kBaselineThreads threads, on a GPU or as a loop on the CPU. for_threads(f) calls f(thread) in each and
 /// waits for all; sum(f) is the sum of f(thread).

@@ -16,7 +16,7 @@ struct Check {
 };
 using Checks = std::vector<Check>;
 
-// In the order in which they tell most.
+// Ordered by importance.
 void add_device(Checks& checks);
 void add_robot_hashes(Checks& checks);
 void add_robot_times(Checks& checks);

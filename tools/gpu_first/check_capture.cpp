@@ -164,7 +164,7 @@ void two_grids(Report& report) {
         const auto view = on_device(arrays, batch.view()), copy = on_device(other, batch.view());
         const auto there = solution_room(arrays, view), beside = solution_room(other, copy);
         const int rounds = report.setting().full ? 5 : 1;
-        // A signal ends this process: the parent then says "died", and by which.
+        // A signal ends this process: the parent then prints "died", and the signal.
         alarm(static_cast<unsigned>(5 * report.setting().patience));
         for (int round = 0; round < rounds; ++round) {
           first.solve(view, there, static_cast<const float*>(nullptr), StreamRef(arrays.stream()));

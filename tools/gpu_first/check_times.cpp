@@ -5,7 +5,7 @@
 #include "tools/gpu_first/timing.hpp"
 
 /// Times of batches in the device's memory, as graphs. A device that the CPU stands in for runs them once: its times
-/// say nothing but that the programs work.
+/// show only that the programs work.
 namespace stiction::gpu_first {
 
 namespace {

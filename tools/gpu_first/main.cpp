@@ -6,7 +6,7 @@
 //             [--write-hashes FILE] [--plan minutes]
 //
 // --list names the checks. --plan minutes runs the phases of plan.hpp. Each has its share of --seconds (470 by
-// default). A summary follows, which repeats the program's sources as it was told them.
+// default). A summary follows, which repeats the program's sources as given.
 //
 // Answers are compared with the CPU's, and with the hashes that are committed beside this file. --device ptx runs
 // nvcc's code of the kernels on the CPU (STICTION_EMULATED_KERNELS names the library): a rehearsal. --device cpu

@@ -1,5 +1,5 @@
 // pack_batches FOLDER BATCH.h5 ...: writes J and M of the first environments of each file, in single precision, to
-// FOLDER/BATCH.batch, which gpu_first reads without HDF5. Files that are not there are left out, and said to be.
+// FOLDER/BATCH.batch, which gpu_first reads without HDF5. Missing files are left out, and listed.
 
 #include <algorithm>
 #include <cstdio>

@@ -11,7 +11,7 @@ class Summary {
  public:
   static constexpr std::size_t kMostLines = 40;
 
-  /// Keeps "> subject | text" of a check's output; anything else is none of it.
+  /// Keeps "> subject | text" of a check's output; anything else is left out.
   void hear(const std::string& line);
   void add_wrong(const std::string& line) { wrong_.push_back(line); }
   /// `head` and then the rest, at most kMostLines lines.

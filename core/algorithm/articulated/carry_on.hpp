@@ -108,8 +108,8 @@ STICTION_HD void spin_implicitly(const Robots<Real>& robots, const ArticulatedJo
   change[5] = own.z;
 }
 
-/// Semi-implicit Euler: velocities first. Damping and braking are those of the new velocities, if the model says so.
-/// Returns the lanes in which M with them is positive definite.
+/// Semi-implicit Euler: velocities first. Damping and braking are those of the new velocities, if the model asks for
+/// it. Returns the lanes in which M with them is positive definite.
 template <class Real>
 STICTION_HD_OUTLINE Mask<Real> step_by_euler(const Robots<Real>& robots) {
   const auto& model = robots.model;

@@ -39,8 +39,8 @@ STICTION_HD Index rank_groups(const Robots<Real>& robots, const RowClass& rows) 
   return most;
 }
 
-/// The rows that some lane has, as slots of a pack. All lanes have the same ones; where a lane has not, its numbers are
-/// those of no row. `groups_of`: how many groups each class has here  (classes).
+/// The rows that some lane has, as slots of a pack. All lanes have the same ones; a lane without the class holds
+/// numbers of no row. `groups_of`: how many groups each class has here (classes).
 template <class Types>
 STICTION_HD SlotCounts list_slots(const Robots<typename Types::Wide>& robots, SlotOf<Types>* slots,
                                   SmallOf<Types>* columns, Index* groups_of) {

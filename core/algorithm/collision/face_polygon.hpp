@@ -2,7 +2,7 @@
 
 #include "core/algorithm/collision/manifold.hpp"
 
-/// One box's face cut to the outline of another's, and the four of its corners that say most.
+/// One box's face cut to the outline of another's, and four corners of it.
 namespace stiction::inline STICTION_ISA {
 
 /// A polygon over a face, in coordinates (u, v, height) of the box whose face it is. Corners and sides turn around

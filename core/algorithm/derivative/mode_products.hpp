@@ -3,7 +3,7 @@
 #include "core/algorithm/derivative/derivative_env.hpp"
 
 /// Products with A + diag R, E and F (docs/math/derivative.md, (7) to (11)), of one environment and of environments
-/// side by side. `Modes` says which. Its Wide is double or a pack of doubles, each lane of which has a double's
+/// side by side. `Modes` chooses them. Its Wide is double or a pack of doubles, each lane of which has a double's
 /// operations in their order.
 ///
 ///   rows(), row(i), compliance(i)  rows and their numbers; row(i) has count, column(k), value(k)

@@ -110,7 +110,7 @@ STICTION_HD Mask<Real> is_proposed(const System& s, const Limits<Tolerance, Coun
              and_(is_within(absolute, rule.absolute), exceeds(rule.absolute, Real(0))));
 }
 
-/// Updates the best iterate so far and tells whether anything is to be done.
+/// Updates the best iterate so far and returns true if anything is to be done.
 template <class Real, class System, class Tolerance>
 STICTION_HD Poll<Mask<Real>> poll_progress(const System& s, const Limits<Tolerance, Counts<Real>>& rule,
                                            Search<Real>& search) {

@@ -10,8 +10,8 @@ namespace stiction::inline STICTION_ISA {
 
 static_assert(kRefreshInterval % kChunk == 0);
 
-/// Chunk of one method. An iteration of a method that factorises costs so much more than a check that it is checked
-/// after every one, unless it says otherwise.
+/// Chunk of one method. An iteration of a method that factorises costs so much more than a check that by default it is
+/// checked after every one.
 template <class Method>
 STICTION_HD constexpr Index chunk_of() {
   if constexpr (requires { Method::kChunk; }) {
@@ -72,7 +72,7 @@ STICTION_HD Advancing<System> next_chunk(System& s, const Limits<Tolerance, Coun
   return chunk;
 }
 
-/// The next chunk of one environment, of which `progress` says how far it is.
+/// The next chunk of one environment, whose state is `progress`.
 template <class Method, Law kLaw, Team TeamT, class Real, class System>
 STICTION_HD void advance_chunk(TeamT& team, System& s, const MethodParams<Real>& params, const StopRule& rule,
                                EnvProgress<Real>& progress) {

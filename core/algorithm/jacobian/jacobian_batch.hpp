@@ -23,7 +23,7 @@ STICTION_HD Offset used_part(const Offset* offsets, const Index* counts, Offset 
   return counts[at] <= end - begin ? counts[at] : -1;
 }
 
-/// Rows and degrees of freedom of one environment, -1 where they cannot be told.
+/// Rows and degrees of freedom of one environment, -1 where they are unknown.
 struct JacobianExtent {
   Offset rows;
   Offset dofs;
@@ -124,7 +124,7 @@ STICTION_HD void scan_entries(TeamT& team, Offset* entries, Index envs, Offset r
 }
 
 /// Computes the places of all environments, and the end of each one's rows in the contact batch. This is where the
-/// next one with rows begins, which may be too broken to say so. One team's work.
+/// next one with rows begins, whose offset may be broken. One team's work.
 template <Team TeamT, class Real>
 STICTION_HD void scan_envs(TeamT& team, const JacobianBatchJob<Real>& job) {
   const JacobianBatchView<Real>& batch = job.batch;

@@ -109,7 +109,7 @@ STICTION_HD_SHARED std::uint32_t load_system(TeamT& team, const EnvView<Real>& e
   return flags;
 }
 
-/// Flags of an environment that a method cannot treat: one it has no matrix for, or whatever else it says itself.
+/// Flags of an environment that a method cannot treat: one without a matrix, or by the method's own rule.
 template <class Method, class Real, class System>
 STICTION_HD std::uint32_t unsupported_flags(const EnvView<Real>& env, const System& s) {
   constexpr Workspace kWorkspace = Method::workspace();

@@ -58,7 +58,7 @@ STICTION_HD Real inverse_of_positive(Real value) {
 }
 
 /// The metric in which a convex sweep steps is diag(B_nn, tau, tau, ...) / damping, which is nowhere below the cone's
-/// block B (docs/math/local_solve.md). This is the part of it that inv_n and inv_t do not tell.
+/// block B (docs/math/local_solve.md). This is the part of it beyond inv_n and inv_t.
 template <class Real>
 struct BlockMetric {
   Real damping;  ///< 1 / (1 + rho), where rho <= 1 is how strongly normal and tangential rows are coupled

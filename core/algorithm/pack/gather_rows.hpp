@@ -59,7 +59,7 @@ bool list_rows(const EnvView<Real>& env, const DenseSystem<Real, W>& s, Index* b
   return apart == 0;
 }
 
-/// Returns true if columns ascend in every row, so that no row has one twice. False tells nothing.
+/// Returns true if columns ascend in every row, so that no row has one twice. False means nothing.
 template <class Real>
 bool columns_ascend(const EnvView<Real>& env) {
   unsigned off = 0;

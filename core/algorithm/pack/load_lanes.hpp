@@ -225,7 +225,7 @@ void hold_lane(const EnvView<Real>& env, DenseSystem<Real, W> s) {
   });
 }
 
-/// load_system() of all entrants; their flags tell which have entered. The others leave numbers of no account.
+/// load_system() of all entrants; their flags mark those that have entered. The others leave numbers of no account.
 template <class Real, int W>
 STICTION_HD_SHARED void load_lanes_of(const DenseSystem<Pack<Real, W>>& pack, const DenseSystem<Real, W>* lanes,
                                       const PackWorkspace<Real, W>& workspace, LoadRules rules,

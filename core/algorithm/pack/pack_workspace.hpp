@@ -37,7 +37,7 @@ struct PackWorkspace {
   Lanes* compliance;  ///< R in the batch's units                                (n)
   Lanes* entry;       ///< diagonal of A there, 0 where a row has a column twice (n)
   Lanes* diagonal;    ///< of A + diag R there                                   (n)
-  Lanes* present;     ///< 1: the environment has such a row, 0: it has not      (n)
+  Lanes* present;     ///< 1: the environment has such a row, 0: it does not     (n)
   Lanes* factor;      ///< factors of rows and columns of its matrix             (n)
   ColumnTile* tile;   ///<                                                       (n at most)
   Index* column;      ///< where in a lane's matrix each tile begins; before that, where each of its rows goes  (n; W)

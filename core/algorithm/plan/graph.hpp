@@ -55,7 +55,7 @@ struct ConflictGraph {
   }
 };
 
-/// Returns true if sorted values have this one among them.
+/// Returns true if sorted values contain this one.
 STICTION_HD bool has_value(const Index* sorted, Index count, Index value) {
   const Index place = lower_bound(sorted, count, value, [](Index a, Index b) { return a < b; });
   return place < count && sorted[place] == value;

@@ -13,10 +13,10 @@ STICTION_HD Index root_of_label(const Index* label, Index v) {
   return v;
 }
 
-/// Every vertex's label becomes the smallest vertex of its island, unless that takes more rounds than allowed; whether
-/// it is so. A label is always a vertex of the same island and never larger than its owner, so it may be replaced by
-/// its own label. Chains of n vertices in order take log n rounds. (As Shiloach and Vishkin 1982, but every vertex
-/// pulls from its neighbours, so that no two lanes write one label.)
+/// Every vertex's label becomes the smallest vertex of its island, unless that takes more rounds than allowed; returns
+/// true if it did. A label is always a vertex of the same island and never larger than its owner, so it may be
+/// replaced by its own label. Chains of n vertices in order take log n rounds. (As Shiloach and Vishkin 1982, but
+/// every vertex pulls from its neighbours, so that no two lanes write one label.)
 template <Team TeamT>
 STICTION_HD bool spread_labels(TeamT& team, const ConflictGraph& graph, Index* label, Index* next) {
   for_each(team, graph.vertices, [&](Index v) { label[v] = v; });

@@ -88,7 +88,7 @@ STICTION_HD bool is_part(const Offset* offsets, Offset at, Offset count, Offset 
   return begin >= 0 && begin <= end && end <= total && (at != 0 || begin == 0) && (at + 1 != count || end == total);
 }
 
-/// Returns how much of one environment's room for rows, or cones, is in use; -1 if that cannot be told.
+/// Returns how much of one environment's room for rows, or cones, is in use; -1 if that is unknown.
 STICTION_HD Index part_in_use(const Offset* offsets, const Index* counts, Offset env, Offset env_count, Offset total) {
   if (!is_part(offsets, env, env_count, total)) return -1;
   const Offset room = offsets[env + 1] - offsets[env];

@@ -8,8 +8,8 @@
 namespace stiction::inline STICTION_ISA {
 
 /// Kind and row count of a cone as a type, so that loops over its rows unroll. Boxed friction has the shape of a
-/// friction cone: a system's `lo` tells the two apart (docs/math/box_friction.md). A semidefinite matrix has the same,
-/// and the environment's kinds tell them apart (docs/math/semidefinite.md).
+/// friction cone: a system's `lo` distinguishes the two (docs/math/box_friction.md). A semidefinite matrix has the
+/// same, and the environment's kinds distinguish them (docs/math/semidefinite.md).
 template <ConeKind kKindValue, int kRowsValue>
 struct ConeShape {
   static constexpr ConeKind kKind = kKindValue;

@@ -21,7 +21,7 @@ struct EnvView {
   const ConeKind* kind;          ///< kind                                      (cone_count)
   const Offset* cone_rows;       ///< batch-wide first row of each cone         (cone_count + 1)
   std::uint32_t flags;           ///< flags found when the batch was made
-  bool is_full;                  ///< known: rows_are_full(). False tells nothing
+  bool is_full;                  ///< known: rows_are_full(). False means nothing
   const Offset* row_offsets;     ///< CSR rows of A, batch-wide positions       (n + 1)
   const Index* row_counts;       ///< entries of each row, or null: up to the next row's (n)
   const Offset* column_offsets;  ///< where each row's columns begin            (n)

@@ -7,7 +7,7 @@
 /// The law as a constant of a kernel, or read from the system where a second kernel would gain nothing.
 namespace stiction::inline STICTION_ISA {
 
-/// The constant of kernels whose systems say their law.
+/// The constant of kernels whose systems know their law.
 inline constexpr Law kLawOfSystem{0xFF};
 
 /// The law of a kernel's system, or of its environment.

@@ -145,7 +145,7 @@ struct Verdict {
   bool is_infeasible;  ///< neither, for contacts alone that cannot move; all others are as near as allowed
   /// Returns true if no other method could do better.
   [[nodiscard]] STICTION_HD bool is_final() const { return is_solved || is_rounding || is_infeasible; }
-  /// Outcome of the environment, `otherwise` where none of these is so.
+  /// Returns the environment's outcome, or `otherwise` where none applies.
   [[nodiscard]] STICTION_HD EnvCode code(EnvCode otherwise) const {
     return is_solved       ? EnvCode::solved
            : is_infeasible ? EnvCode::infeasible

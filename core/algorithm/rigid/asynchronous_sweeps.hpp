@@ -108,7 +108,7 @@ void solve_asynchronously(TeamT& team, const BodyEnv<Real>& env, const BodySyste
   } while (!check_bodies(team, env, s, params, progress));
 }
 
-/// BodySweeps for a team that can deal out: a job says whether it does.
+/// BodySweeps for a team that can deal out: a field of the job decides.
 template <Law kLaw, class Precision>
 struct DealtSweeps : BodySweeps<kLaw, Precision> {
   using Real = Precision;

@@ -128,7 +128,7 @@ STICTION_HD void start_momentum_in(const BodyPack<T, W, kLaw>& s, PackMask<T, W>
 
 /// Sets an earlier environment's contacts and bodies in a lane to rest. These are `contacts` and the numbers behind
 /// `bodies` and the world, as far as there is room. These contacts and bodies stay at rest and are visited with those
-/// of other lanes. Were only one of them no number, it would make others so.
+/// of other lanes. A single NaN would spread to others.
 template <class T, int W, Law kLaw>
 STICTION_HD void rest_from(const BodyPack<T, W, kLaw>& pack, Index contacts, Index bodies, Index most_contacts,
                            Index most_bodies, int lane) {

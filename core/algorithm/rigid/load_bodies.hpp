@@ -8,8 +8,8 @@
 /// From the batch's arrays to a system that can be swept.
 namespace stiction::inline STICTION_ISA {
 
-/// Returns true if all numbers that were added are finite. Zero times anything else is no number, and stays that way;
-/// there is no branch on any of them.
+/// Returns true if all numbers that were added are finite. Zero times anything else is NaN, and stays that way; there
+/// is no branch on any of them.
 template <class Real>
 class FiniteProbe {
  public:

@@ -7,8 +7,8 @@
 ///
 /// Each rank has a piece of an environment. It holds the bodies that the rank owns and every contact that pushes one of
 /// them. The other bodies of those contacts are its ghosts. A contact between two ranks' bodies is visited by both,
-/// from the same twists, so both find the same impulse. A rank thus knows all impulses on its own bodies. It must be
-/// told the twists of ghosts, when contacts that it does not visit have moved them.
+/// from the same twists, so both find the same impulse. A rank thus knows all impulses on its own bodies. It needs the
+/// twists of ghosts, when contacts that it does not visit have moved them.
 namespace stiction::inline STICTION_ISA {
 
 /// A team of one lane that is one of several ranks. max() and combine() are over the ranks, like those over lanes.

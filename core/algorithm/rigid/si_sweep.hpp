@@ -41,7 +41,7 @@ STICTION_HD auto is_uneven(const LocalProblem<System>&, Index) {
 
 using ContactShape = ConeShape<ConeKind::friction, 3>;
 
-/// A contact's `lo`, as a residual takes that of a cone: -1 says that friction is boxed.
+/// A contact's `lo`, as a residual takes that of a cone: -1 for boxed friction.
 template <class Real, Law kLaw>
 inline constexpr Real kLowerBound = Real(kLaw == kBoxFriction ? -1 : 0);
 

@@ -115,7 +115,7 @@ STICTION_HD bool is_semidefinite(Shape, const System& s, Index cone) {
   }
 }
 
-/// proximal_point() of a cone of a system, semidefinite ones among them. Semidefinite cones have no law of friction.
+/// proximal_point() of a cone of a system, semidefinite ones included. Semidefinite cones have no law of friction.
 template <Law kLaw, class Shape, class System, class Real, int M>
 STICTION_HD void cone_proximal_point(Shape shape, const System& s, Index cone, Real (&z)[M], const Real (&y)[M],
                                      Real gain, Real lo, Real hi) {

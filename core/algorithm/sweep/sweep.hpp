@@ -24,7 +24,7 @@ STICTION_HD Real step_size(const ConeStep<Real, M>& step, Real weight) {
   return largest_of(step) * weight;
 }
 
-/// Step of a sweep at a cone unless it is told otherwise: that of docs/math/local_solve.md.
+/// Step of a sweep at a cone by default: that of docs/math/local_solve.md.
 struct DefaultLocalStep {
   template <Law kLaw, class Shape, class System>
   static STICTION_HD auto of(Shape shape, const System& s, Index cone, Index row,
@@ -49,8 +49,8 @@ STICTION_HD auto push_step(TeamT& team, System& s, Index cone, Index row,
                            const ConeStep<typename System::Real, M>& step) {
   using Real = typename System::Real;
   const Real largest = largest_of(step);
-  // A cone that does not move, an open contact above all, pushes nothing. Its size does not tell. A small change times
-  // a small diagonal can be zero, and its push must not depend on other lanes.
+  // A cone that does not move, an open contact above all, pushes nothing. Its size does not show it. A small change
+  // times a small diagonal can be zero, and its push must not depend on other lanes.
   if (any(largest != Real(0))) s.push(team, row, step.d);
   return largest * s.residual_weight[cone];
 }

@@ -26,7 +26,7 @@ enum Outcome : int {
   kRunning = 0,
   kFinished,     ///< further iterations change nothing
   kGaveUp,       ///< the same, and there is no answer to be expected
-  kRayDetected,  ///< complementary pivoting ended on a ray: it gave up, and says so by a flag
+  kRayDetected,  ///< complementary pivoting ended on a ray: it gave up, and sets a flag
 };
 
 /// The arrays every form of system has, in the solver's coordinates. Rows of friction cones are multiplied by mu, so
@@ -54,7 +54,7 @@ struct SystemArrays {
                                   ///< row for each unit of the normal one. Friction cones have 0 (cones)
   Strided<Real, kStride> scalar;  ///< StateScalar                                       (kStateScalars)
   double* wide = nullptr;         ///< the method's doubles: vectors, then matrices      (Workspace::doubles)
-  bool has_matrices = false;      ///< whether matrices are among them, or a method's vectors instead
+  bool has_matrices = false;      ///< whether it includes matrices, or a method's vectors instead
   Law law = Law::convex;          ///< as its environment's
   bool has_blocks = false;        ///< its cones are swept in blocks, as its environment's
 

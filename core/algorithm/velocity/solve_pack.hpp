@@ -15,7 +15,7 @@ struct PackLists {
   static constexpr Index kMost = SetTraits<Set>::kMost;
   OneSlot* slots;  ///< room for                                                            (cones)
   Small* columns;  ///< room for the slots'                                                 (column_room(cones))
-  Tree* tree;      ///< behind the columns that there are
+  Tree* tree;      ///< behind the existing columns
   Set* coupled;    ///< degrees of freedom before each that M couples it with; until the tree is built  (kMost)
   Item* items;     ///< of all lanes, one lane after the other; until there are slots       (cones)
 

@@ -20,11 +20,11 @@ namespace stiction {
 ///
 /// Rows of all environments follow one another; columns of A count from the environment's own first row.
 ///
-/// Arrays of fixed room per environment (padded arrays) are read in place. The offsets then say where the room of an
-/// environment, or of a row of A, begins. The counts say how much of it is in use, from its beginning. The rest is not
-/// read, and of a solution not written. The entry of cone_row_offsets behind an environment's last cone closes that
-/// cone. Room for cones hence needs one more than there are cones where it is not the last in use (PaddedLayout in
-/// padded.hpp arranges all this).
+/// Arrays of fixed room per environment (padded arrays) are read in place. The offsets then give where the room of an
+/// environment, or of a row of A, begins. The counts give how much of it is in use, from its beginning. The rest is
+/// not read, and of a solution not written. The entry of cone_row_offsets behind an environment's last cone closes
+/// that cone. Room for cones hence needs one more than there are cones where it is not the last in use (PaddedLayout
+/// in padded.hpp arranges all this).
 template <class Real>
 struct ContactBatchView : BatchStructure, RowLimits<Real> {
   const Real* A = nullptr;       ///< Delassus operator, without R; duplicates add up [w / lambda]  (nonzero_count)

@@ -44,7 +44,7 @@ struct GraphManifold {
 /// Moving bodies that are joined by contacts, directly or through others; a body that touches none is an island of one.
 struct GraphIsland {
   std::vector<Index> bodies;  ///< ascending; the first is the island's number
-  Offset contact_count = 0;   ///< contacts among them and with fixed bodies
+  Offset contact_count = 0;   ///< contacts between them and with fixed bodies
 
   bool operator==(const GraphIsland&) const = default;
 };
@@ -129,11 +129,11 @@ class ContactGraph {
   /// Error(invalid_argument) as those do.
   GraphChange update_contact(const GraphContact& contact);
 
-  /// Makes `contacts` the contacts present: ids that are not among them go, new ones come, others stay or move to
-  /// another pair. To compare costs O(contacts before + contacts in the list), and the differences have the costs
-  /// above. The searches together are bounded by O(n + manifolds + contacts removed), because after so many steps
-  /// islands are found anew. Colours are settled once for all differences. The list's order does not matter. \throws
-  /// Error(invalid_argument) as add_contact does, and for an id that occurs twice.
+  /// Makes `contacts` the contacts present: other ids go, new ones come, the rest stay or move to another pair. To
+  /// compare costs O(contacts before + contacts in the list), and the differences have the costs above. The searches
+  /// together are bounded by O(n + manifolds + contacts removed), because after so many steps islands are found anew.
+  /// Colours are settled once for all differences. The list's order does not matter. \throws Error(invalid_argument)
+  /// as add_contact does, and for an id that occurs twice.
   GraphChange update(std::span<const GraphContact> contacts);
 
   /// Finds islands and colours from nothing but the contacts. O(n log n + manifolds (d + log manifolds)). Nothing that

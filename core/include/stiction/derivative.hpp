@@ -22,7 +22,7 @@ enum GradientFlag : std::uint32_t {
   kGradientUnconverged = 1U << 1,     ///< the answer is not one: its code is not `solved`, or its residual is too
                                       ///< large; or the relaxed problem of DerivativeOptions::kappa was not solved
   kGradientNonFinite = 1U << 2,       ///< a reaction or a cotangent or tangent is not finite, or a result is too large
-  kGradientSingular = 1U << 3,        ///< reactions are not determined: contacts are redundant and R does not tell how
+  kGradientSingular = 1U << 3,        ///< reactions are not determined: contacts are redundant and R does not decide
   kGradientOverCapacity = 1U << 4,    ///< more unknowns than DerivativeOptions::max_unknowns, or than there is room for
   kGradientUnstableBranch = 1U << 5,  ///< a sliding contact that more pressure would press on less; one of several
                                       ///< solutions, and not the one that a simulation reaches
@@ -115,7 +115,7 @@ struct BatchNumbers {
   Number* factor = nullptr;  ///< of Y where A = Y Y' is not stored                (count * factor_count)
   Number* b = nullptr;       ///< of b                                            (count * row_count)
   Number* R = nullptr;       ///< of R                                            (count * row_count)
-  Number* mu = nullptr;      ///< of the friction of each row; 0 where it is none (count * row_count)
+  Number* mu = nullptr;      ///< of the friction of each row; 0 where it has none (count * row_count)
   Number* lo = nullptr;      ///< of lower bounds; 0 where they do not hold       (count * row_count)
   Number* hi = nullptr;      ///< of upper bounds                                 (count * row_count)
 };

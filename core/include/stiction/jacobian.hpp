@@ -57,7 +57,7 @@ struct JacobianEnvironment {
   std::vector<Index> row_offsets, column;               ///< CSR rows and columns of J; both empty: J is dense
   std::vector<Real> J;                                  ///< row-major, n x dofs, or CSR values
   std::vector<Real> M;                                  ///< dofs x the batch's block size, row-major
-  std::vector<Real> v_free;                             ///< its length says how many degrees of freedom there are
+  std::vector<Real> v_free;                             ///< its length is the number of degrees of freedom
   std::vector<Real> target, R, mu, lo, hi;              ///< empty means zeros  (n)
 };
 

@@ -49,10 +49,10 @@ class PaddedLayout {
       : matrix_rows_(matrix_rows), row_order_(row_order) {}
 
   /// Appends one environment with room for `room` rows. Cones from the first that does not fit on are left out, and
-  /// the environment is marked kFlagContactsDropped. It is flagged, too, if `overflowed` says that its producer had to
-  /// leave contacts out. `first_mu` >= 0: mu has one entry per friction cone, those of this environment from that
-  /// place on, in order; for all environments or none. \throws Error(invalid_argument) on a negative room or a cone
-  /// without rows; then nothing was appended.
+  /// the environment is marked kFlagContactsDropped. It is flagged, too, if `overflowed`: its producer had to leave
+  /// contacts out. `first_mu` >= 0: mu has one entry per friction cone, those of this environment from that place on,
+  /// in order; for all environments or none. \throws Error(invalid_argument) on a negative room or a cone without
+  /// rows; then nothing was appended.
   void add(Index room, std::span<const Cone> cones, bool overflowed = false, Offset first_mu = -1);
 
   /// Environments so far.

@@ -89,7 +89,7 @@ IslandMode island_mode_from_string(const std::string& name);
 enum class BlockMode : std::uint8_t {
   cones = 0,   ///< each by itself
   pairs = 1,   ///< those of one manifold: of one cone_group, or of rows that store the same columns if there are none
-  strong = 2,  ///< those that A couples strongly, whatever the batch says of them
+  strong = 2,  ///< those that A couples strongly, whatever the batch's groups
 };
 /// Name of a mode, as reports print it ("cones", "pairs", "strong").
 const char* to_string(BlockMode mode) noexcept;

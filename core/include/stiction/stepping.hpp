@@ -100,8 +100,8 @@ class JacobianSteppingSolver : public StepMemory<Real> {
   JacobianSolver<Real> solver_;
 };
 
-/// Steps of body batches. Contacts are known by the batch's contact_id, and a step is as long as its time stepping
-/// says.
+/// Steps of body batches. Contacts are known by the batch's contact_id, and a step is as long as its time
+/// stepping.
 template <class Real>
 class BodySteppingSolver : public StepMemory<Real> {
  public:

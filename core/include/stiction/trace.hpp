@@ -24,7 +24,7 @@ struct Span {
   const char* detail = nullptr;       ///< which kernel, which class of environments; may be null
   SpanPlace place = SpanPlace::host;  ///< the CPU, or work queued on a device
   int lane = 0;                       ///< thread of a solve (0: the caller's), or stream of the device
-  std::int64_t environments = -1;     ///< how many it was about, -1: not said
+  std::int64_t environments = -1;     ///< number of items it was about, -1: unknown
   double start = 0;                   ///< since the tracer was made [us]
   double duration = 0;                ///< [us]
 };

@@ -67,7 +67,7 @@ class WarmStartMachine;
 /// reset whole: nothing of a failure reaches the next step.
 ///
 /// Each step: load, solve, store. Environment e of every batch is the same simulation. All memory is taken when the
-/// store is made. An environment that does not fit is solved from zero, not stored, and says so in its record. It fits
+/// store is made. An environment that does not fit is solved from zero, not stored, and flagged in its record. It fits
 /// if its cones and rows end within the capacity. With too little room the order of environments hence matters, and
 /// with enough room no environment's guess depends on another's.
 template <class Real>

@@ -29,7 +29,7 @@ inline constexpr double kLargestShapeFriction = 1e12;
 struct WorldShape {
   Index body = -1;                                ///< -1: the world
   ShapeKind kind = ShapeKind::sphere;             ///< kind
-  std::array<double, 3> size{};                   ///< as the kind says, > 0 [m]
+  std::array<double, 3> size{};                   ///< by the kind, > 0 [m]
   std::array<double, 3> position{};               ///< of its centre, in the body's axes
   std::array<double, 4> orientation{1, 0, 0, 0};  ///< unit quaternion (w, x, y, z), from the shape's axes to the body's
   double mu = 0.5;           ///< friction, >= 0 and at most kLargestShapeFriction; a pair has the square root of the
@@ -37,7 +37,7 @@ struct WorldShape {
   double restitution = 0.0;  ///< Newton's, in [0, 1]; a pair has the larger of its two [-]
 };
 
-/// A rigid body, and where every environment begins unless reset() says otherwise. Its axes are its principal axes.
+/// A rigid body, and where every environment begins unless reset() changes it. Its axes are its principal axes.
 struct WorldBody {
   double mass = 1;                                ///< > 0 [kg]
   std::array<double, 3> inertia{1, 1, 1};         ///< about the centre of mass, along its axes, > 0 [kg m^2]
@@ -143,7 +143,7 @@ class World {
   /// One step of options.stepping.dt. An environment whose state or wrench is not finite ends as `invalid_input` and
   /// stays where it is; no other environment changes.
   void step();
-  /// One step whose contacts `solve` answers in place of the world's own solver: several processes, say
+  /// One step whose contacts `solve` answers in place of the world's own solver, as over several processes
   /// (docs/howto/ranks.md). Its exceptions are passed on: bodies are then where they were, and impulses to start from
   /// are forgotten. \throws Error(invalid_argument) for an empty function.
   void step(const StepSolver<Real>& solve);

@@ -39,7 +39,7 @@ class WorldStep {
  public:
   /// Makes one step of `world` and keeps the input of its derivative.
   /// \throws Error(invalid_argument) for options out of range, or a world whose contacts have a capacity
-  /// (solver.max_contacts_per_env), whose dropped contacts are not told. Also for boxed friction (solver.box_friction).
+  /// (solver.max_contacts_per_env), whose dropped contacts are unknown. Also for boxed friction (solver.box_friction).
   explicit WorldStep(World<Real>& world, const DerivativeOptions& options = {});
   ~WorldStep();
   WorldStep(WorldStep&&) noexcept;

@@ -96,7 +96,7 @@ std::string chunk_defect(const Claim& claim, hid_t properties, std::size_t bytes
   }
   const std::uint64_t chunk_bytes = chunk * (bytes / claim.count);
   std::uint64_t left = file_bytes;  // honest chunks do not overlap
-  // HDF5 tells the size that chunks without filters should have, and their own size only by a search of all.
+  // HDF5 gives the size that chunks without filters should have, and their own size only by a search of all.
   constexpr std::uint64_t kMostUnpacked = 1 << 14;
   if (pipeline.empty() && (claim.count - 1) / chunk >= kMostUnpacked) {
     return "has more than " + std::to_string(kMostUnpacked) + " chunks that are not packed";

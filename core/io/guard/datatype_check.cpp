@@ -65,7 +65,7 @@ std::string enumerator_defect(Cursor& cursor, const Head& head) {
 }
 
 /// A string of variable length is a sequence of single bytes, called integers or strings. The file stores a length, an
-/// address and an index for it; HDF5 copies as much whatever size is said.
+/// address and an index for it; HDF5 copies as much whatever the stated size.
 std::string variable_text_defect(Cursor& cursor, const Head& head) {
   const Head base = read_head(cursor);
   if ((head.bits & 15) != kVariableText) return "has a type of variable length that is no string";

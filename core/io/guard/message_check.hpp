@@ -32,7 +32,7 @@ enum class MessageKind : std::uint16_t {
 struct ObjectShape {
   std::optional<std::uint64_t> rank;           ///< of the dataspace
   std::optional<std::uint64_t> element_bytes;  ///< of the datatype
-  std::optional<std::uint64_t> chunk_rank;     ///< number of chunk dimensions, the element's bytes among them
+  std::optional<std::uint64_t> chunk_rank;     ///< number of chunk dimensions, including the element's bytes
   std::uint64_t chunk_element_bytes = 0;       ///< the last of them
 };
 

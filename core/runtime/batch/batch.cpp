@@ -41,8 +41,8 @@ void append_offsets(std::vector<Offset>& to, const std::vector<T>& from, Offset 
     to.push_back(static_cast<Offset>(from[static_cast<std::size_t>(i)]) + shift);
 }
 
-/// An environment's part [begin, end) of an array, as its offsets say. gather() copies batches that validate() has
-/// not seen yet, so that an environment with broken offsets must not make it read outside of the arrays.
+/// An environment's part [begin, end) of an array, by its offsets. gather() copies batches that validate() has not
+/// seen yet, so that an environment with broken offsets must not make it read outside of the arrays.
 struct Part {
   Offset begin, end;
 };

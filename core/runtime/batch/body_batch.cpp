@@ -85,7 +85,7 @@ const char* missing_side(const BodyBatchView<Real>& batch) {
 constexpr float kNormalTolerance = 1e-3F;
 
 /// One look at a batch whose offsets are sound: returns true if it has no defect at all, as nearly every batch. False
-/// tells nothing. No branch on the data.
+/// means nothing. No branch on the data.
 template <class Real>
 class BodySurvey {
  public:
@@ -161,7 +161,7 @@ class BodyValidator {
 
  private:
   /// see(part, env) for all environments, by a validator for each part of them. Their defects are reported in order,
-  /// whichever part found them first. Returns whether there are none.
+  /// whichever part found them first. Returns true if there are none.
   template <class See>
   bool look(const ParallelFor& parallel_for, const See& see) {
     std::mutex mutex;

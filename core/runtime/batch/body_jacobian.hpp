@@ -18,8 +18,8 @@ struct BodyJacobians {
   std::vector<double> bounce;           ///< restitution of a contact that asks for it, else 0 [-]     (contact_count)
 };
 
-/// `twist`: where the step begins, in place of the batch's. Nothing is kinematic. An inverse inertia that is singular
-/// becomes a mass that is none, so that its environment is refused.
+/// `twist`: where the step begins, in place of the batch's. Nothing is kinematic. A singular inverse inertia becomes a
+/// mass that is not definite, so that its environment is refused.
 template <class Real>
 BodyJacobians body_jacobians(const BodyBatchView<Real>& bodies, std::span<const Real> twist,
                              std::span<const Real> impulse, const TimeStepping& stepping, Law law);

@@ -10,7 +10,7 @@
 namespace stiction {
 namespace {
 
-/// Which end of two islands an environment is said to have had: the larger one's. By EnvCode.
+/// Outcome of an environment by those of two islands: the larger one's. By EnvCode.
 constexpr std::array<int, kEnvCodeCount> kGravity = {
     0,  // solved
     4,  // max_iterations
@@ -37,7 +37,7 @@ IslandSplit<Real>::IslandSplit(const ContactBatchView<Real>& batch, const Real* 
     : batch_(batch), pieces_(batch.law) {
   const Islands islands = find_islands(batch);
   for (Offset env = 0; env < batch.env_count; ++env) {
-    // A factor couples all rows, though it stores no entry that would say so.
+    // A factor couples all rows, though it stores no such entry.
     piece_count_.push_back(batch.env_dofs(env) > 0 ? 1 : larger_of<Index>(islands.count[at(env)], 1));
     needed_ = needed_ || piece_count_.back() > 1;
   }

@@ -193,7 +193,7 @@ JacobianBatchView<Real> JacobianBatch<Real>::view() const noexcept {
   view.entry_count = static_cast<Offset>(arrays_.J.size());
   view.mass_count = static_cast<Offset>(arrays_.M.size());
   for_each_held_array(view, PointAt{}, view, arrays_);
-  // Rows without entries have columns too: null would say that J is dense.
+  // Rows without entries have columns too: null would mean that J is dense.
   static constexpr Index kNoColumn = 0;
   if (has_columns_ && arrays_.column.empty()) view.column = &kNoColumn;
   view.mass_form = mass_form_;

@@ -44,7 +44,7 @@ class RowWalk {
       : a_(a), at_(static_cast<std::size_t>(a.offsets[row])), end_(static_cast<std::size_t>(a.offsets[row + 1])) {}
   /// The next column not yet taken, or one past every column.
   [[nodiscard]] Index column() const { return at_ < end_ ? a_.column[at_] : std::numeric_limits<Index>::max(); }
-  /// The entry in that column, 0 if there is none; goes on behind it.
+  /// The entry in that column, 0 if there is none; moves on behind it.
   double take(Index column_to_take) {
     double sum = 0.0;
     for (; column() == column_to_take; ++at_) sum += a_.value[at_];

@@ -81,7 +81,7 @@ bool all_finite_nonnegative(std::span<const Real> values) {
   return below == 0 && all_finite(values);
 }
 
-/// Returns true if lo <= hi everywhere and some finite number is between them, likewise. Infinite bounds are none.
+/// Returns true if lo <= hi everywhere and some finite number is between them, likewise. Infinite ones are no bounds.
 template <class Real>
 bool all_bounds(const Real* lo, const Real* hi, std::size_t count) {
   constexpr Real kMost = std::numeric_limits<Real>::max();

@@ -8,7 +8,7 @@
 namespace stiction {
 namespace {
 
-/// Text for a value that no enumerator has: a record read back from a damaged file, say.
+/// Text for a value that no enumerator has, for instance of a record read back from a damaged file.
 constexpr const char* kUnknown = "unknown";
 
 }  // namespace

@@ -17,8 +17,8 @@
 namespace stiction {
 
 /// Looks once at a batch whose offsets are sound, by as many threads as there are. Finds whether the batch has no
-/// defect at all, which is so for nearly every batch, and how each environment stores its columns. False tells
-/// nothing: finding and describing defects takes longer.
+/// defect at all, as nearly every batch, and how each environment stores its columns. False means nothing: finding and
+/// describing defects takes longer.
 template <class Real>
 class Survey {
  public:
@@ -34,7 +34,7 @@ class Survey {
     });
     return passes.load();
   }
-  /// Returns each environment's columns, once passes() said yes.  (env_count)
+  /// Returns each environment's columns, once passes() is true.  (env_count)
   [[nodiscard]] const std::vector<StoredColumns>& columns() const { return columns_; }
 
  private:

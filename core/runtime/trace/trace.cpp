@@ -17,7 +17,7 @@ std::string quoted(const char* text) {
   return result + '"';
 }
 
-/// Nanoseconds are the last digits; the caller's locale has no say in the decimal point.
+/// Nanoseconds are the last digits; the decimal point does not follow the caller's locale.
 std::string decimal(double microseconds) {
   char digits[64];
   const auto [end, error] = std::to_chars(digits, digits + sizeof(digits), microseconds, std::chars_format::fixed, 3);

@@ -52,7 +52,7 @@ def each_not_negative(name, values):
 
 
 def each_count(name, values):
-    """Whole numbers from 0 on, int32; the message says which of them is none. Whole floats are taken, as by whole()."""
+    """Whole numbers from 0 on, int32; the message names the first wrong one. Whole floats are taken, as by whole()."""
     array = np.asarray(values)
     if array.dtype.kind not in "iuf":
         raise TypeError(f"{name}: expected integers, got {values!r}")
@@ -76,7 +76,7 @@ def _check_each(name, array, right, expected):
 
 
 def word(name, value):
-    """A str. Which ones there are is the library's to say."""
+    """A str. The library knows the valid ones."""
     if not isinstance(value, str):
         raise TypeError(f"{name}: expected a str, got {value!r}")
     return value

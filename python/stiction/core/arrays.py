@@ -15,7 +15,7 @@ STATUS_DTYPE = np.dtype({
 
 
 def describe(dtype, shape, device, contiguous=True):
-    """An array in words, as errors say it."""
+    """An array in words, for errors."""
     sizes = ", ".join(str(extent) for extent in shape) + ("," if len(shape) == 1 else "")
     return f"{dtype} ({sizes}) {'C-contiguous' if contiguous else 'not C-contiguous'} on {device}"
 
@@ -85,7 +85,7 @@ class Framework:
 
     def __init__(self, name, writable=True):
         self.name = name
-        self.writable = writable  # whether its arrays may change; JAX's may not, and do not say so
+        self.writable = writable  # whether its arrays may change; JAX's may not, and carry no such flag
 
     def __reduce__(self):
         return framework_named, (self.name,)

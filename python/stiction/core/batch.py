@@ -49,7 +49,7 @@ class Batch(BatchArrays):
                       env_tolerance=None, env_max_iterations=None) -> Batch:
         """Delassus operators A = J M^-1 J' (without R) and right-hand sides b.
 
-        Three ways to say where environments are; B environments, n rows, K cones:
+        Three ways to give environments; B environments, n rows, K cones:
 
         * padded: A (B, n, n), b (B, n). `counts` (B,) or `cone_counts` (B,), int32: rows or cones in use of each, read
           anew at every solve; none: all. Numbers behind the rows in use are not read.
@@ -312,10 +312,10 @@ class Batch(BatchArrays):
         return self.layout.rows_of(env)
 
     def as_bodies(self) -> JacobianBodies:
-        """The rigid bodies and contact points of a host batch of J and M, for the solvers of bodies ("multigrid" among
-        them). Each environment has six degrees of freedom a body, in world axes; docs/howto/jacobian.md says what else must
-        hold. The arrays are copies. Raises stiction.Error (unsupported) that names the first body or row that is no
-        such thing.
+        """The rigid bodies and contact points of a host batch of J and M, for the solvers of bodies, including
+        "multigrid". Each environment has six degrees of freedom a body, in world axes; docs/howto/jacobian.md has the
+        other conditions. The arrays are copies. Raises stiction.Error (unsupported) that names the first body or row
+        that is no such thing.
         """
         if self.form != "jacobian":
             raise ValueError(f"as_bodies: expected a batch of form 'jacobian', got {self.form!r}")

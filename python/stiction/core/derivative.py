@@ -53,7 +53,7 @@ class Derivative:
 
     device: "cpu", of batches of host memory, whose derivatives are NumPy arrays. Or as for Solver, of batches in that
         device's memory, whose derivatives are arrays of their framework there.
-    law: "convex" or "coulomb" instead of the batch's, as the solver was told.
+    law: "convex" or "coulomb" instead of the batch's, as the solver has it.
     residual_limit: reactions of a larger relative residual get zeros and the flag "unconverged" [-].
     tie_tolerance: a cone this close to another mode, over max |b|, is counted as degenerate [-].
     max_unknowns: of an environment; a larger one gets zeros and the flag "over_capacity".

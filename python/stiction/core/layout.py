@@ -108,7 +108,7 @@ def dense_rows(sizes):
 
 
 class Padded:
-    """Arrays of fixed shape (environments, room, ...); counts say how much of the room is in use.
+    """Arrays of fixed shape (environments, room, ...); counts give how much of the room is in use.
 
     Arrays in use are read anew before every solve, so that the caller may change them in place.
     """

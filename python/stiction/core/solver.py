@@ -56,7 +56,7 @@ class SolverBase:
         if self.solver not in SOLVERS + ("auto", "multigrid"):
             raise ValueError(f"solver: expected one of auto, {', '.join(SOLVERS)}, multigrid, got {self.solver!r}")
         self._tracer = _core.Tracer() if trace else None
-        # Only bodies have a multigrid solver, which they are told by name.
+        # Only bodies have a multigrid solver, which they choose by name.
         self._options = _core.Options("npgs" if self.solver == "multigrid" else self.solver,
                                       None if law is None else word("law", law), self.tolerance, self.max_iterations,
                                       whole("stall_window", stall_window), number("omega", omega),
@@ -121,7 +121,7 @@ class SolverBase:
         return self.device == "emulated" or batch.device != "cpu"
 
     def _finish(self, batch, solution, guess, stream, handle, on_device, start, moving=None):
-        """Waits where the caller could not, counts, and says whether the answer is still queued."""
+        """Waits where the caller could not, counts, and returns whether the answer is still queued."""
         queued = on_device and (stream is not None or batch.framework.has_streams)
         if queued:
             # Memory of frameworks with streams outlives its last use on its stream by their own care.

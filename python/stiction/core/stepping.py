@@ -14,7 +14,7 @@ from .batch import Batch
 from .solution import Solution
 from .solver import need_twists, SolverBase
 
-#: Law and time stepping of a batch of bodies that says nothing else (Batch.from_bodies).
+#: Law and time stepping of a batch of bodies without other ones (Batch.from_bodies).
 _DEFAULT_STEPPING = ("coulomb", 0.005, 0.2, 0.0, 0.0, 0.1, 1, 0)
 
 
@@ -157,7 +157,7 @@ class SteppingSolver(SolverBase):
                                  f"{dofs}: construct the solver with more")
 
     def _follow(self, batch):
-        """Steps as this batch of bodies says."""
+        """Steps by this batch of bodies."""
         stepping = (batch.law, *batch.stepping)
         if stepping != self._stepping:
             self._core.change(_core.BodyOptions(self._options, self.solver, *stepping))

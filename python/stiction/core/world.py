@@ -137,7 +137,7 @@ class World:
     A restitution_threshold of None is the speed that gravity gives in five steps, at most 0.1.
     law: "coulomb", "convex" or "boxed" (docs/math/box_friction.md, for "npgs" and "pgs").
     solver: "npgs" (sequential impulses with momentum, the default), "pgs" (without), "newton" or "multigrid". Bodies
-    that lie on others a thousand times lighter need "newton"; `solved` tells where sweeps did not suffice.
+    that lie on others a thousand times lighter need "newton"; `solved` shows where sweeps did not suffice.
     max_iterations: of each step, at most; 4000 by default, in float32 2000. tolerance: on the relative residual, 1e-7 by
     default, in float32 1e-4; 0: all iterations. omega: relaxation. blocks: "pairs" for "npgs" and "pgs"
     (docs/howto/blocks.md).
@@ -246,8 +246,8 @@ class World:
 
         mask: bool or uint8 (B,), which ones; None: all.
         position, orientation, twist: as of state(). An argument that is not given stays as it is. If none is given,
-            environments begin as the description says. Quaternions are normalised. Nothing is read for environments
-            that are not chosen.
+            environments begin at the description's. Quaternions are normalised. Nothing is read for environments that
+            are not chosen.
         """
         if mask is None:
             mask = np.ones(self.env_count, np.uint8)
@@ -260,8 +260,8 @@ class World:
     def checkpoint(self) -> dict:
         """The world between two steps: all that the next ones depend on but description, options and forces.
 
-        New NumPy arrays, for np.savez say. position, orientation, twist: as of state(). contact_offsets int64 (B + 1),
-        contact_id uint64 (contacts,) and impulse (contacts, 3) [N s]: of the last step's contacts.
+        New NumPy arrays, for np.savez for instance. position, orientation, twist: as of state(). contact_offsets int64
+        (B + 1), contact_id uint64 (contacts,) and impulse (contacts, 3) [N s]: of the last step's contacts.
         """
         found = self._core.checkpoint()
         widths = {"position": self._shape(3), "orientation": self._shape(4), "twist": self._shape(6), "impulse": (-1, 3)}

@@ -30,9 +30,9 @@ class MujocoVectorEnv(VectorEnv):
     Environment i of reset(seed=s) is seeded with s + i, as in Gymnasium's vector environments. Its results depend on
     its seed and its actions alone, bit for bit: not on num_envs, the others, or threads.
 
-    shard: a stiction.distributed.Shard, for one of several processes. It says how many environments there are; num_envs
-        is left out. The noise of their resets then follows the seed, the environment's global id and how many episodes
-        it has begun. Hence reset() takes one seed, the same on every rank.
+    shard: a stiction.distributed.Shard, for one of several processes. It sets the number of environments; num_envs is
+        left out. The noise of their resets then follows the seed, the environment's global id and how many episodes it
+        has begun. Hence reset() takes one seed, the same on every rank.
     name: the task, with or without "-v5". max_episode_steps: steps until truncation.
     autoreset_mode: AutoresetMode.NEXT_STEP, SAME_STEP (infos["final_obs"], infos["final_info"]) or DISABLED
         (reset(options={"reset_mask": mask})).
@@ -104,7 +104,7 @@ class MujocoVectorEnv(VectorEnv):
     def reset(self, *, seed=None, options=None):
         """Starts episodes anew: all, or those of options["reset_mask"], bool (num_envs,).
 
-        seed: int, environment i gets seed + i; a list of one for each, None among them: its stream goes on.
+        seed: int, environment i gets seed + i; a list of one for each, which may include None: its stream goes on.
         """
         mask = np.ones(self.num_envs, bool)
         if options is not None and "reset_mask" in options:
@@ -201,7 +201,7 @@ class MujocoVectorEnv(VectorEnv):
         self.simulation.set_accuracy(accuracy.tolerance, accuracy.max_iterations)
 
     def stats(self):
-        """Statistics of the solves, as stiction.Solver.stats(). Raises ValueError in lanes: `simulation.status` says it there."""
+        """Statistics of the solves, as stiction.Solver.stats(). Raises ValueError in lanes: see `simulation.status`."""
         self._require_mujoco()
         return self.simulation.solver.stats()
 
@@ -210,7 +210,7 @@ class MujocoVectorEnv(VectorEnv):
         "over" and "physics" (MuJoCo's integration state) are there, the task's observations, and constants that vary.
         For checkpoints, and for environments that move to another rank (stiction.distributed). Needs a shard.
 
-        Raises ValueError where solves start from the reactions of the step before, which are not among them.
+        Raises ValueError where solves start from the reactions of the step before, which are not included.
         """
         self._require_shard()
         physics = np.empty((self.num_envs, mujoco.mj_stateSize(self.model, _PHYSICS)))

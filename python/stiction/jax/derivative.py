@@ -117,7 +117,7 @@ def _times(matrix, vector):
 
 
 class _System:
-    """The system of the modes at an answer. is_sound: of which environments it says how reactions move."""
+    """The system of the modes at an answer. is_sound: environments whose motion of reactions it gives."""
 
     def __init__(self, kinds, dims, law, numbers, dmu, lambda_, w, is_solved):
         # A product with 0 is not 0 where a number is not finite.
@@ -152,7 +152,7 @@ class _System:
         G = self.Ft @ self.B @ E + D
         is_finite = jnp.all(jnp.isfinite(G), (-2, -1))
         G, self.by_row, self.by_column = _scaled(jnp.where(is_finite[..., None, None], G, jnp.eye(n, dtype=dtype)))
-        # A pivot of rounding alone says that reactions are not determined.
+        # A pivot of rounding alone means that reactions are not determined.
         factor = jax.scipy.linalg.lu_factor(jax.lax.stop_gradient(G))[0]
         pivots = jnp.abs(jnp.diagonal(factor, axis1=-2, axis2=-1))
         self.is_sound = is_solved & is_finite & jnp.all(pivots > 16 * jnp.finfo(dtype).eps, -1)

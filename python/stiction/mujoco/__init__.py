@@ -102,7 +102,7 @@ class BatchedSimulation:
         self._active = None
         self._held = Held(model, len(self._data)) if hold_failed else None
         self._metric = self._limits = None
-        # Sensors of accelerations and forces. MuJoCo's stages leave it to mj_forward to say that those are new.
+        # Sensors of accelerations and forces. MuJoCo's stages leave it to mj_forward to mark those as new.
         feels = (np.asarray(model.sensor_needstage) == int(mujoco.mjtStage.mjSTAGE_ACC)).any()
         self._sensor_stages = ("renew_forces", "mj_sensorAcc") if feels else ("mj_sensorAcc",)
         self.seconds = {}

@@ -14,7 +14,7 @@ _TAKEN = (_TYPES.FIXED, _TYPES.PRISMATIC, _TYPES.REVOLUTE, _TYPES.BALL, _TYPES.F
 _COUNTS = (("particle_count", "particles"), ("spring_count", "springs"), ("tri_count", "triangles of cloth"),
            ("tet_count", "tetrahedra"), ("muscle_count", "muscles"), ("tendon_count", "tendons"),
            ("attachment_particle_body_count", "attachments of particles to bodies"))
-#: Limits beyond it are none.
+#: Limits beyond it are infinite.
 NO_LIMIT = 0.5 * newton.MAXVAL
 
 
@@ -86,7 +86,7 @@ def _check_bodies(model):
     for body in np.flatnonzero(moved & ~carried):
         _refuse(f"bodies without a joint, as body {_name(model.body_label, body)} is",
                 "a joint for each body that moves (add_body makes a free one)")
-    if model.world_count > 1:  # a kinematic one may have no joint: it is then where body_q says, for all of them
+    if model.world_count > 1:  # a kinematic one may have no joint: it is then at body_q, for all of them
         free = np.diff(_numpy(model.joint_qd_start, int)) > 0
         for j in np.flatnonzero((_numpy(model.joint_world, int) < 0) & free):
             body = _numpy(model.joint_child, int)[j]

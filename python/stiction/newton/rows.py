@@ -184,7 +184,7 @@ class Rows:
             return by_shapes
         if int(contacts.contact_generation.numpy()[0]) == self._last_generation:
             return self._of_place[which]
-        matched = getattr(contacts, "rigid_contact_match_generation", None)  # which Newton 1.6 does not say
+        matched = getattr(contacts, "rigid_contact_match_generation", None)  # which Newton 1.6 does not document
         if not contacts.contact_matching or matched is None or int(matched.numpy()[0]) != self._last_generation:
             return by_shapes
         match = contacts.rigid_contact_match_index.numpy()[which]

@@ -216,7 +216,7 @@ def _no_constant(name):
 
 
 def _read(path):
-    """Returns the content of a JSON file. A recorded batch, which is easily taken for a report, is told from it."""
+    """Returns the content of a JSON file. A recorded batch, which is easily taken for a report, is detected."""
     given = path.read_bytes()
     if given.startswith(_HDF5):
         raise ReportError(f"{_WANTED}, got an HDF5 file: `stiction inspect` and `stiction view` read a batch, and --solution "

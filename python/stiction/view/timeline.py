@@ -42,7 +42,7 @@ class Timeline:
                 self._draw(state)
 
     def run(self):
-        """Plays, if the box says so, until the program is interrupted."""
+        """Plays, if the box is ticked, until the program is interrupted."""
         try:
             while True:
                 time.sleep(self._advance())

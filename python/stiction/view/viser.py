@@ -209,7 +209,7 @@ def _segments(strips):
 
 @contextlib.contextmanager
 def _quiet():
-    """viser says on standard output that a server begins and ends, whatever `verbose` is."""
+    """viser prints on standard output that a server begins and ends, whatever `verbose` is."""
     import rich
     console = rich.get_console()
     before, console.quiet = console.quiet, True

@@ -85,7 +85,7 @@ class CountingDevice final : public cuda::DeviceApi {
   void await(cuda::EventHandle) override {}
   std::optional<double> microseconds(cuda::EventHandle, cuda::EventHandle) override { return std::nullopt; }
 
-  bool is_capturing = false;     ///< whether streams say that they are captured
+  bool is_capturing = false;     ///< whether streams report a capture
   int launches = 0;              ///< that are behind no condition
   int conditional_launches = 0;  ///< that are
   int conditions = 0;

@@ -12,7 +12,7 @@
 /// One environment of a host batch solved by the library's kernels, without the machine around them.
 namespace stiction::test {
 
-/// Rules of kernels for an environment, where the solver says it otherwise.
+/// Rules of kernels for an environment, where the solver's differ.
 struct AloneRules {
   std::optional<EnvPath> path = {};  ///< none: the plan's
   Index direct_rows = kDirectRows;   ///< rows of the largest environment that gets a method's matrices

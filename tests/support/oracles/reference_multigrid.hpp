@@ -98,7 +98,7 @@ class AggregationMultigrid {
   /// Which bodies share a block, and aggregates: roots whose neighbours are all free, with them; the others go where
   /// they have most neighbours.
   struct Graph {
-    std::vector<std::set<std::size_t>> neighbours;  ///< itself among them
+    std::vector<std::set<std::size_t>> neighbours;  ///< including itself
     std::vector<std::size_t> aggregate, root;
 
     explicit Graph(const Matrix& H) : neighbours(bodies(H)), aggregate(bodies(H), kFree) {

@@ -7,9 +7,9 @@
 #include "stiction/batch.hpp"
 #include "tests/support/systems/jacobian_systems.hpp"
 
-/// The relaxed problem as its definition says: reaction times motion is kappa, cone by cone, with both inside their
-/// cones. Solved on the way down from a large kappa by Newton's method whose slopes are differences. It shares neither
-/// the smooth projection nor a line of algebra with the library (docs/math/derivative.md, (22) and (23)).
+/// The relaxed problem by its definition: reaction times motion is kappa, cone by cone, with both inside their cones.
+/// Solved on the way down from a large kappa by Newton's method whose slopes are differences. It shares neither the
+/// smooth projection nor a line of algebra with the library (docs/math/derivative.md, (22) and (23)).
 namespace stiction::test {
 
 /// One environment. Unknowns are lambda and, of box rows, the parts of the motion that the two bounds give.

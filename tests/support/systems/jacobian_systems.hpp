@@ -82,7 +82,7 @@ inline std::vector<double> solve_columns(std::vector<double> M, std::vector<doub
   return right;
 }
 
-/// J M^-1 J' and J v_free - target as the definitions say, and M^-1 J' for velocities  (dofs x n).
+/// J M^-1 J' and J v_free - target by their definitions, and M^-1 J' for velocities  (dofs x n).
 struct JacobianOracle {
   std::vector<double> A, b, response;
 

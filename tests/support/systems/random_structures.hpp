@@ -70,7 +70,7 @@ inline ContactBatch<double> random_structures(std::mt19937& random) {
   return batch;
 }
 
-/// The integers of a batch, each array as long as its view says and no longer. Empty counts mean none.
+/// The integers of a batch, each array exactly as long as in its view. Empty counts mean none.
 struct Integers {
   std::vector<Offset> env_row_offsets, env_cone_offsets, cone_row_offsets, row_offsets, column_offsets;
   std::vector<Index> env_row_counts, env_cone_counts, cone_group, row_counts, column;

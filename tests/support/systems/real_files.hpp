@@ -25,8 +25,8 @@ inline std::filesystem::path shared_folder() {
   return set != nullptr ? set : STICTION_SHARED_DIR;
 }
 
-/// Solves a recorded file in f64. It expects every environment to reach the tolerance by the judge, to say so, and to
-/// move as the recording simulator's own solution does.
+/// Solves a recorded file in f64. It expects every environment to reach the tolerance by the judge, to report it, and
+/// to move as the recording simulator's own solution does.
 inline void expect_solved_like_the_recording(const std::filesystem::path& path, SolverKind solver, double tolerance,
                                              Index max_iterations) {
   SCOPED_TRACE(path.filename().string() + ", " + to_string(solver));
@@ -78,8 +78,8 @@ inline void expect_honest(const EnvStatus& status, const Residual& judged, doubl
   }
 }
 
-/// Solves every environment in f64, on all cores, and expects honest answers. The judge confirms whatever is said to
-/// be solved, and that is every environment but those listed. Same bits everywhere: the list is exact.
+/// Solves every environment in f64, on all cores, and expects honest answers. The judge confirms every `solved`, and
+/// that is every environment but those listed. Same bits everywhere: the list is exact.
 inline void expect_solved_but_for(const std::string& file, const ContactBatch<double>& batch,
                                   const SolverOptions& asked, const std::vector<Unsolved>& unsolved) {
   SCOPED_TRACE(file + ", " + to_string(asked.solver));

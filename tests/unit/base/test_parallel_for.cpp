@@ -122,7 +122,7 @@ TEST(ParallelFor, DefectsAreTheSame) {
   EXPECT_NE(std::find(rows_of_whole.begin(), rows_of_whole.end(), FullRows::known), rows_of_whole.end());
   EXPECT_NE(std::find(rows_of_whole.begin(), rows_of_whole.end(), FullRows::unknown), rows_of_whole.end());
 
-  // Each array spoiled at one place, near the end and in the middle: found, and said as before.
+  // Each array spoiled at one place, near the end and in the middle: found, and reported as before.
   const auto spoiled = [&](auto&& spoil) {
     for (const Offset env : {view.env_count / 2, view.env_count - 2}) {
       ContactBatchView<double> broken = view;
@@ -155,7 +155,7 @@ TEST(ParallelFor, DefectsAreTheSame) {
   spoiled([&](double*, double* b, double*, double*, Index*, ConeKind*) { b[0] = nan; });
   spoiled([&](double*, double*, double* R, double*, Index*, ConeKind*) { R[0] = -1.0; });
   spoiled([&](double*, double*, double*, double* mu, Index*, ConeKind*) {
-    for (int k = 0; k < 8; ++k) mu[k] = -1.0;  // rows of some friction cone among them
+    for (int k = 0; k < 8; ++k) mu[k] = -1.0;  // rows of some friction cone included
   });
   spoiled([&](double*, double*, double*, double*, Index* column, ConeKind*) { column[1] = 1000; });
   spoiled([&](double*, double*, double*, double*, Index*, ConeKind* kind) { kind[0] = static_cast<ConeKind>(9); });

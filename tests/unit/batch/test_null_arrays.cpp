@@ -9,7 +9,7 @@
 #include "tests/support/systems/jacobian_systems.hpp"
 #include "tests/support/systems/random_systems.hpp"
 
-// Views of hostile callers: arrays that are not there are refused by name, whatever InvalidPolicy says of the numbers
+// Views of hostile callers: arrays that are not there are refused by name, whatever the InvalidPolicy of the numbers
 // in them.
 namespace stiction::test {
 namespace {

@@ -109,7 +109,7 @@ TEST(BodiesBoxFriction, EnumerationOfAllStatesFindsTheSameImpulses) {
       (bound <= 0 ? open : bounds == 0 ? inside : bounds == 1 ? at_a_bound : corners) += 1;
     }
   }
-  // At least so many of each, or the enumeration has not seen the law.
+  // At least so many of each, or the enumeration has not covered the law.
   EXPECT_GE(unique, 50);
   EXPECT_GE(std::min({inside, at_a_bound, corners, open}), 5)
       << inside << " inside, " << at_a_bound << " at a bound, " << corners << " in a corner, " << open << " open";

@@ -11,8 +11,8 @@
 #include "tests/support/systems/prepared.hpp"
 #include "tests/support/systems/random_lcp.hpp"
 
-// Formulas of the textbook chapter about interior points, where their printed form is wrong or says too little
-// (README.md beside this file). Here: (g) Newton's step, (l) the barrier of the second-order cone.
+// Formulas of the textbook chapter about interior points, where their printed form is wrong or incomplete (README.md
+// beside this file). Here: (g) Newton's step, (l) the barrier of the second-order cone.
 
 namespace {
 
@@ -205,7 +205,7 @@ TEST(ChapterBarriers, TheScalingOfACentralPairIsTheHessianOfHalfTheBarrier) {
   }
 }
 
-// (l) x_0 > 0 has to be said: the logarithm is the same at -x. A step ends at the cone's tip, not where d is positive
+// (l) x_0 > 0 is required: the logarithm is the same at -x. A step ends at the cone's tip, not where d is positive
 // again.
 TEST(ChapterBarriers, AStepDoesNotPassThroughTheTipIntoTheOtherHalf) {
   const double x[] = {1, 0.2, -0.1};

@@ -233,7 +233,7 @@ TEST(Semidefinite, SolversThatDoNotProjectRefuseItAndWriteNothing) {
   }
 }
 
-// Kinds in a device's memory are out of the host's sight: the kernels say so, of that environment alone.
+// Kinds in a device's memory are out of the host's sight: the kernels flag them, of that environment alone.
 TEST(Semidefinite, OnADeviceTheEnvironmentIsFlagged) {
   const ContactBatch<double> batch = batch_of({contact({1, 1, 1}, {-2, 0, 0}, 0.5), nearest_to({0, kRoot, 0})});
   ContactBatchView<double> there = batch.view();

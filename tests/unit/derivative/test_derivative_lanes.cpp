@@ -167,8 +167,8 @@ TEST(DerivativeInLanes, CountsTheSameContactsBetweenModes) {
   EXPECT_GT(tied, 50);
 }
 
-/// Lanes take no row without compliance, no answer that is none, not more unknowns than allowed, and no factor that is
-/// too large. Neighbours of such environments have the bits that they have alone.
+/// Lanes take no row without compliance, no unsolved answer, not more unknowns than allowed, and no factor that is too
+/// large. Neighbours of such environments have the bits that they have alone.
 TEST(DerivativeInLanes, LeavesTheRestToTheOthers) {
   std::vector<JacobianEnvironment<double>> envs = draw_all(9);
   envs[2].R[0] = 0.0;

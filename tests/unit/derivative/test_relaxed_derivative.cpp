@@ -246,7 +246,7 @@ TEST_P(RelaxedDerivative, ByJAndMIsThatOfDifferencesOfTheRelaxedProblem) {
     turn(&JacobianEnvironment<double>::R, found.R);
     turn(&JacobianEnvironment<double>::mu, found.mu);
     worst = std::max(worst, std::abs((loss(up) - loss(down)) / (2 * kStep) - slope) / size);
-    // Forward along the same changes says the same.
+    // Forward along the same changes agrees.
     JacobianGradients<double> change(batch.view());
     for (auto* part : change.parts()) std::fill(part->begin(), part->end(), 0.0);
     for (std::size_t k = 0; k < dofs; ++k) change.v_free[k] = (up.v_free[k] - env.v_free[k]) / kStep;

@@ -281,7 +281,7 @@ TEST(UnrolledOptions, WhatCannotBeHadIsRefused) {
   };
   EXPECT_NE(said([&] { unrolled(batch.view(), {}, -1, 1.0, bar, {}); }).find("sweeps.count = -1"), std::string::npos);
   EXPECT_NE(said([&] { unrolled(batch.view(), {}, 1, 2.0, bar, {}); }).find("sweeps.omega = 2"), std::string::npos);
-  // Numbers that forbid a solve, and rows that there is no room for: zeros and a flag.
+  // Numbers that forbid a solve, and rows beyond the room: zeros and a flag.
   Environment<double> bad = env;
   bad.b[1] = std::numeric_limits<double>::quiet_NaN();
   const auto refused = unrolled(batch_of({bad}).view(), {}, 2, 1.0, bar, {});

@@ -144,7 +144,7 @@ TEST_F(IoDatatypes, ATruthValueAsAttributeIsNoHindrance) {
   EXPECT_EQ(read_any(InputFile(std::as_bytes(std::span(bytes)), "image")).batch.env_count(), 2);
 }
 
-// HDF5 itself copies 65282 names from the message on: far beyond its heap, as the address sanitizer says where this
+// HDF5 itself copies 65282 names from the message on: far beyond its heap, as the address sanitizer shows where this
 // check is left out.
 TEST_F(IoDatatypes, NamesBeyondTheMessageAreNotFollowed) {
   std::string bytes = spoiled([](Spoiler& file) {

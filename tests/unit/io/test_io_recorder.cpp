@@ -207,7 +207,7 @@ TEST_F(RecorderTest, IslandsSolvedApartReplayApart) {
   expect_replays<double>(at("r.h5"));
   EXPECT_NE(before.lambda, solved.lambda) << "the mode matters here";
   message_of(ErrorCode::invalid_argument, [&] { recorder.take(together, batch.view(), before.view()); });
-  // If the file says nothing, as old files do, islands were together.
+  // If the file holds nothing, as old files do, islands were together.
   EXPECT_EQ(bytes_of(at("o.h5")).find("islands"), std::string::npos);
   expect_replays<double>(at("o.h5"));
   Spoiler(at("r.h5")).remove("solve/islands");

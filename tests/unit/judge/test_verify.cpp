@@ -105,7 +105,7 @@ TEST(Verify, NoReactionAtAllIsOffByTheMotionInward) {
 }
 
 // A = I, mu = 1/2, (x, y) given by lambda and b = w - lambda. Each is 0.01 from one member of the law and far from all
-// others. A judge that forgets a member says more.
+// others. A judge that forgets a member finds more.
 TEST(Verify, EveryMemberOfAContactsLawIsThere) {
   const auto error = [](Law law, const std::vector<double>& lambda, const std::vector<double>& w) {
     std::vector<double> b;
@@ -129,7 +129,7 @@ TEST(Verify, EveryMemberOfAContactsLawIsThere) {
 }
 
 // Rows of the diagonal 1 and 4: u = 1/2, m = mu / u = 1. x = (2, u 4 lambda_t), y = (w_n, u w_t). A reaction on the
-// edge of the cone and one 0.25 beyond it: a judge with 1/u for u says something else.
+// edge of the cone and one 0.25 beyond it: a judge with 1/u for u differs.
 TEST(Verify, RowsAreBroughtToTheUnitOfTheNormalOne) {
   auto environment = one_cone(ConeKind::friction, {1, 4}, {-2, 4});
   environment.mu = {0, 0.5};

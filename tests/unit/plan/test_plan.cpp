@@ -21,8 +21,8 @@ struct ConeSpec {
   Index group = -1;
 };
 
-/// Cones whose rows are joined in full where `joined` says so, each cone with itself always; `one_sided` keeps only the
-/// block below the diagonal.
+/// Cones whose rows are joined in full where `joined` is true, each cone with itself always; `one_sided` keeps only
+/// the block below the diagonal.
 Environment<double> environment_of(const std::vector<ConeSpec>& cones, const std::vector<std::pair<int, int>>& joined,
                                    bool one_sided = false) {
   Environment<double> environment;

@@ -10,8 +10,8 @@
 #include "tests/support/systems/box_jacobians.hpp"
 #include "tests/support/systems/roomy_jacobians.hpp"
 
-/// Torture of environments in blocks: no friction, heavy beside light, redundant rows, rows without effect, numbers
-/// that are none.
+/// Torture of environments in blocks: no friction, heavy beside light, redundant rows, rows without effect,
+/// NaN.
 namespace {
 
 using namespace stiction;

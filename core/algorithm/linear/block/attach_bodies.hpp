@@ -8,7 +8,7 @@
 namespace stiction::inline STICTION_ISA {
 
 /// Two bodies are held together if |H_ij|^2 > kHeldPart |H_ii| |H_jj|, in norms of Frobenius. (Vanek, Mandel and
-/// Brezina 1996, section 4, whose 0.08 has the square 2^-7.3.) It only has to tell a contact from none.
+/// Brezina 1996, section 4, whose 0.08 has the square 2^-7.3.) It only has to distinguish a contact from none.
 inline constexpr double kHeldPart = 0x1p-15;
 
 /// Rounds in which bodies join: the root's neighbours, their neighbours, and those beyond them.

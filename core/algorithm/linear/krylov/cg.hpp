@@ -23,7 +23,7 @@ struct GradientOutcome {
 };
 
 /// Arguments of a method of gradients, which solves A x = b from x = 0. It ends when its residual is `tolerance` times
-/// the first or `most` iterations are done. Which norm that is in, and how many vectors are kept, the method says.
+/// the first or `most` iterations are done. The norm, and the number of vectors kept, are the method's.
 ///
 /// The operator A has `template <Team B> void apply(B&, const double* v, double* w) const`, w = A v with v and w
 /// apart. A preconditioner has the same, z = M^-1 r with M symmetric positive definite. Each has separate room.

@@ -69,7 +69,7 @@ struct Admm {
     const double rho = penalty(s);
     factor_penalized(team, s, a, rho);
     if (a.form == AdmmForm::gradients) for_each(team, a.n, [&](Index i) { a.answer[i] = 0.0; });
-    // The dual that the start's own motion says.
+    // The dual of the start's own motion.
     s.for_each_cone(team, [&](auto shape, Index cone, Index row) {
       constexpr int kRows = decltype(shape)::kRows;
       double y[kRows];

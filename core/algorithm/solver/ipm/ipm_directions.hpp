@@ -8,7 +8,7 @@ namespace stiction::inline STICTION_ISA {
 /// Part of the step to the boundary that is taken.
 inline constexpr double kBoundaryPart = 0.995;
 /// Complementarity that a cone keeps, relative to x_n z_n. Below that, a sliding contact's x and z are on the boundary
-/// as far as doubles can tell.
+/// in doubles.
 inline constexpr double kThinnestMargin = 0x1p-48;
 
 /// The sum of all products of slacks and multipliers.

@@ -24,7 +24,7 @@ struct DofTree {
   static constexpr Index kMostPaths = kIsWhole ? kMostEntries : kMostLargePaths;
   Index dofs;
   Index entries;
-  Index levels;                                 ///< depths that there are
+  Index levels;                                 ///< existing depths
   Begin begin[kMostDofs];                       ///< entry of row k for depth 0, which it may not have
   Small depth[kMostDofs];                       ///< ancestors of k
   Index first_depth[kIsWhole ? 1 : kMostDofs];  ///< of the first ancestor that row k has an entry for

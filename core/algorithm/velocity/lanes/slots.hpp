@@ -56,7 +56,7 @@ struct SlotCounts {
   Index rows = 0;
   Offset entries = 0;
   Index singles = 0;  ///< slots of one row, which come first
-  bool fits = true;   ///< into the room that there is
+  bool fits = true;   ///< into the existing room
 
   /// As large as an environment of so many rows makes them at most. A friction cone has two rows or more.
   static STICTION_HD constexpr SlotCounts most(Index rows, Offset entries) {

@@ -70,9 +70,9 @@ enum class FileKind { contact_batch, fclib_local, fclib_global, fclib_rolling };
 /// Returns the kind of a file, by content. \throws Error
 FileKind detect(const std::filesystem::path& path);
 
-/// Reads a contact batch or an FCLIB problem, told apart by content. Shapes, offsets and types are checked; columns
-/// of A and numerical values are not (that is stiction::validate). FCLIB global problems are condensed to
-/// W = H' M^-1 H and keep J = H', M, v_free, row_target. \throws Error
+/// Reads a contact batch or an FCLIB problem, by content. Shapes, offsets and types are checked; columns of A and
+/// numerical values are not (that is stiction::validate). FCLIB global problems are condensed to W = H' M^-1 H and
+/// keep J = H', M, v_free, row_target. \throws Error
 Recording read_batch(const std::filesystem::path& path);
 
 /// The Jacobian batch of a recording that has J and M. J has the stored entries. M is in blocks of 1, 3 or 6 where all
