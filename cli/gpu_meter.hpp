@@ -26,8 +26,8 @@ struct GpuMeterOptions {
   std::chrono::milliseconds every{100};
 };
 
-/// Asks NVML how busy a GPU is from when it is made until end(). Libraries are loaded here and nowhere else, so nothing
-/// is linked with them. A missing part gives a reason, and never an exception.
+/// Measures the use of a GPU by NVML, from its construction to end(). Libraries are loaded here and nowhere else, so
+/// nothing is linked with them. A missing part gives a reason, and never an exception.
 class GpuMeter {
  public:
   explicit GpuMeter(Device device, const GpuMeterOptions& options = {});

@@ -8,8 +8,8 @@ Only fma_() fuses (docs/explanation/numerics.md, rule 3), but compilers fuse in 
 where its vectoriser of straight-line code puts a sum and a difference of products side by side. Every fused
 instruction of x86 or AArch64 is therefore looked up in the object's line table (-g1, which changes no instruction). An
 instruction that a compiler fuses has the line of the sum, so a line with a binary + or - and without fma_() is a
-finding. An instruction that fma_() requested keeps the line of fma_() or of its intrinsic. Or it takes that of a
-negation or a selection that it swallowed, which round nothing. An alternating one (vfmaddsub, vfmsubadd) is a lapse
+finding. An instruction that fma_() requested keeps the line of fma_() or of its intrinsic. Or it has the line of a
+negation or a selection merged into it, which round nothing. An alternating one (vfmaddsub, vfmsubadd) is a lapse
 wherever it stands, since no body writes one. Exit status 1 on a finding or where there is no line table, 77 without
 objdump, which CTest counts as skipped.
 """

@@ -28,7 +28,7 @@ INSTRUCTION_BYTES = 16  # since sm_70
 OPERATIONS = {
     "local_loads": {0x983},            # LDL
     "local_stores": {0x387, 0x987},    # STL, of a register and of a uniform one
-    "generic_loads": {0x980},          # LD: where the address leads is known when it runs
+    "generic_loads": {0x980},          # LD: the memory of the address is known when it runs
     "generic_stores": {0x385, 0x985},  # ST
     "matches": {0x3A1},                # MATCH: a barrier of some lanes of a warp whose mask is known when it runs
 }

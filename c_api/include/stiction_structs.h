@@ -177,7 +177,7 @@ typedef struct stiction_status {
   int32_t islands;          /**< that were solved apart (STICTION_ISLANDS_APART); 0: none was */
 } stiction_status;
 
-/** By how much the contacts of an environment miss their laws (docs/math/residual.md). */
+/** Errors of the contacts of an environment (docs/math/residual.md). */
 typedef struct stiction_residual {
   double relative; /**< largest error of a contact / scale of its island [-] */
   double absolute; /**< largest error of a contact [w] */

@@ -29,7 +29,7 @@ struct ClassLimits {
   [[nodiscard]] STICTION_HD constexpr Index of(SizeClass size_class) const {
     return rows[static_cast<int>(size_class)];
   }
-  /// These limits but for one class.
+  /// These limits, with `most` for that class.
   [[nodiscard]] constexpr ClassLimits with(SizeClass size_class, Index most) const {
     ClassLimits limits = *this;
     limits.rows[static_cast<int>(size_class)] = most;

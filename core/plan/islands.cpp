@@ -57,7 +57,7 @@ Islands find_islands(const BatchStructure& batch) {
       }
     }
 
-    // A set's smallest cone is met before the others, so their number is there when they ask for it.
+    // A set's smallest cone is visited before the others, so their number is known when they need it.
     Index count = 0;
     for (Index c = 0; c < cones; ++c) {
       const Index first = sets.smallest(c);

@@ -57,7 +57,7 @@ class CudaApi final : public DeviceApi {
   void* grid_memory_ = nullptr;
   std::mutex mutex_;
   std::map<std::tuple<const void*, int, std::size_t>, int> resident_;
-  std::set<const void*> launched_;  ///< functions whose stacks there are
+  std::set<const void*> launched_;  ///< functions whose stacks are allocated
 };
 
 }  // namespace stiction::cuda

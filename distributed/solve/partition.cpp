@@ -114,7 +114,7 @@ std::vector<Point> centres_by_arms(const BodyBatchView<Real>& batch) {
     std::vector<char> placed(at(count), 0);
     for (Index body = 0; body < count; ++body) {
       if (neighbours.of(body).empty()) {
-        // Beside the others, a few of them would make a tall scene a wide one, which is cut along its height.
+        // Side by side, a few of them would widen a tall scene, which should be cut along its height.
         if (body > 0) own[at(body)] = own[at(body - 1)];
       } else if (placed[at(body)] == 0) {
         place_group(batch, neighbours, body, own, placed, right);

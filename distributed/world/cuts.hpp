@@ -10,7 +10,7 @@
 
 namespace stiction::distributed {
 
-/// Planes that cut space into a cell for each rank: recursive coordinate bisection whose points no rank holds all of.
+/// Planes that cut space into a cell for each rank: recursive coordinate bisection of distributed points.
 /// A half is cut across its longest extent. Points of equal coordinate go by their number. Coordinates are compared as
 /// floats, a NaN as 0.
 class Cuts {

@@ -24,7 +24,7 @@ from .core.arguments import not_negative, whole
 
 __all__ = ["Ranks", "Shard", "digest", "exchange", "gather", "generator", "load", "merge_stats", "ranks", "rebalance", "save"]
 
-#: Launchers, and where they write a process's rank, how many there are, and its number on its machine. torchrun and
+#: Launchers, and where they write a process's rank, their number, and its number on its machine. torchrun and
 #: mpirun come first: they start processes inside a step of Slurm, whose own variables then count machines.
 _LAUNCHERS = (("torchrun", "RANK", "WORLD_SIZE", "LOCAL_RANK"),
               ("mpirun", "OMPI_COMM_WORLD_RANK", "OMPI_COMM_WORLD_SIZE", "OMPI_COMM_WORLD_LOCAL_RANK"),

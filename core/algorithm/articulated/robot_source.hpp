@@ -12,7 +12,7 @@ struct RobotRecord {
   Index steps = 0;
   EnvCode code = EnvCode::solved;
 
-  /// Takes a stage in: its code, unless one before it was not solved.
+  /// Adds a stage: its code, unless one before it was not solved.
   STICTION_HD void join(const LaneProgress& lane) {
     relative = max_(lane.relative, relative);
     absolute = max_(lane.absolute, absolute);

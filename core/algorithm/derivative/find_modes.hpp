@@ -99,7 +99,7 @@ STICTION_HD std::uint32_t answer_flags(const EnvView<Real>& env, const Derivativ
   return flags;
 }
 
-/// Writes the first unknown of each cone; returns how many there are. One lane needs no parts for that.
+/// Writes the first unknown of each cone; returns their number. One lane needs no parts for that.
 template <Team TeamT>
 STICTION_HD Index scan_unknowns(TeamT& team, Index* first, Index cones, Index* parts) {
   if constexpr (requires { requires TeamT::size() == 1; }) {

@@ -5,7 +5,7 @@
 /// Rows and columns of matrices in memory, as they are dealt out to lanes.
 namespace stiction::inline STICTION_ISA {
 
-/// Cuts a lane's columns into tiles and returns how many there are. A lane with padding goes on reading the next rows,
+/// Cuts a lane's columns into tiles and returns their number. A lane with padding goes on reading the next rows,
 /// up to the next cut.
 template <class Real, class Workspace>
 Index cut_columns(const Workspace& workspace, const PendingLoad<Real>* loads, int count) {

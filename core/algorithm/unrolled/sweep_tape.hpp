@@ -5,7 +5,7 @@
 #include "core/algorithm/unrolled/vjp_step.hpp"
 #include "core/job/unrolled_job.hpp"
 
-/// Sweeps of `pgs` run again in double, with all that they saw kept (docs/math/derivative.md, (28)). Cones follow one
+/// Sweeps of `pgs` run again in double, with their values kept (docs/math/derivative.md, (28)). Cones follow one
 /// another; lanes share the rows of a visit.
 namespace stiction::inline STICTION_ISA {
 

@@ -11,7 +11,7 @@
 
 namespace stiction {
 
-/// By how much the contacts of an environment miss their laws (docs/math/residual.md).
+/// Errors of the contacts of an environment (docs/math/residual.md).
 struct Residual {
   double relative;  ///< largest error of a contact / scale of its island [-]
   double absolute;  ///< largest error of a contact [w]

@@ -207,7 +207,7 @@ class Solver {
 
   /// Finds the islands of every environment: which of its cones act on one another, however indirectly. They do so by
   /// a stored entry, either way round and whatever its value, or as neighbours of one group. `island` gets each
-  /// cone's, numbered 0, 1, ... by their first cones (cone_count). `count` gets how many there are, 0 where the
+  /// cone's, numbered 0, 1, ... by their first cones (cone_count). `count` gets their number, 0 where the
   /// structure is broken or there is no room (env_count). A batch in device memory is searched there, within the
   /// solver's capacity, asynchronously on `stream`.
   /// \throws Error(invalid_argument) as solve() does.

@@ -34,7 +34,7 @@ const char* class_name(H5T_class_t type_class) {
 }
 
 /// Bytes that a chunk unpacks to, the filters that `skipped` leaves out of account; nothing if it is damaged.
-/// HDF5 1.10.8 takes for granted that they are as many as its elements have.
+/// HDF5 1.10.8 assumes that their number is that of its elements.
 std::optional<std::uint64_t> unpacked_size(const std::vector<H5Z_filter_t>& filters, std::uint32_t skipped,
                                            std::span<const char> stored, std::uint64_t limit) {
   constexpr std::uint64_t kChecksum = 4;

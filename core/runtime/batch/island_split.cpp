@@ -66,7 +66,7 @@ void IslandSplit<Real>::take_apart(const Islands& islands) {
   pieces_ = ContactBatch<Real>::from_arrays(batch_.law, std::move(to));
 }
 
-/// The cones of one environment, piece by piece, and which row went where.
+/// The cones of one environment, piece by piece, and the new place of each row.
 template <class Real>
 void IslandSplit<Real>::add_pieces(Offset env, const Index* island, Arrays& to) {
   const Index pieces = piece_count_[at(env)], cones = batch_.env_cones(env);

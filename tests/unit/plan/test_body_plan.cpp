@@ -128,7 +128,7 @@ TEST(BodyPlan, AnEnvironmentIsPlannedAsIfItWereAlone) {
   EXPECT_EQ(part(both.body_offsets, 5 + 2, alone.body_offsets), alone.body_offsets);
 }
 
-/// Every integer that environment e of a batch has in its plan is the one it has in a separate batch.
+/// Expects the plan of environment e in a batch to be its plan in a separate batch, integer by integer.
 void expect_planned_alone(const std::vector<Env>& envs, const BodyPlanData& plan, std::size_t e, Index capacity) {
   const BodyPlanData alone = make_body_plan(batch_of<double>({envs[e]}).view(), capacity);
   const auto body = static_cast<std::ptrdiff_t>(plan.env_body_offsets[e]);

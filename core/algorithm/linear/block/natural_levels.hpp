@@ -58,7 +58,7 @@ struct NaturalLevels {
   }
 
  private:
-  /// The level of each row and where each begins. Returns how many there are.
+  /// Finds the level of each row and the start of each level. Returns their number.
   static STICTION_HD Index list_levels(const BlockPattern& H, Index* level, Index* offsets) {
     Index count = 0;
     for (Index row = 0; row <= H.rows; ++row) offsets[row] = 0;

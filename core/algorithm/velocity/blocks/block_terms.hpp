@@ -151,7 +151,7 @@ struct BlockTerms {
           block[i * kBodyBlock + j] = fma_(left[i][k], J[k * kBodyBlock + j], block[i * kBodyBlock + j]);
   }
 
-  /// Products along the step p: J p, G J p, and where on the line the function has which slope and curvature.
+  /// Products along the step p: J p, G J p, with slope and curvature of the function along the line.
   struct Along {
     double slope;      ///< at its beginning
     double curvature;  ///< of the quadratic model

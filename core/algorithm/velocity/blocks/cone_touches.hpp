@@ -70,7 +70,7 @@ struct ConeTouches {
   }
 
  private:
-  /// The blocks that rows touch, in ascending order; returns how many they are, -1 where they are too many.
+  /// Lists the blocks that rows touch, in ascending order; returns their number, -1 if there are too many.
   template <class Real>
   static STICTION_HD Index list_blocks(const JacobianBatchView<Real>& batch, Offset first, Offset end, Index columns,
                                        const DofBlocks& dofs, Index* list) {

@@ -70,7 +70,7 @@ struct VelocityWorkspace {
   /// Motion that reactions of zero leave; no step has been made where it is read.
   [[nodiscard]] STICTION_HD const Numbers& free_motion() const { return model_gap; }
 
-  /// The team, which a pack's only lane is alone in.
+  /// The team; a pack's has one lane.
   [[nodiscard]] STICTION_HD decltype(auto) team() const {
     if constexpr (kIsAlone<Team>) {
       return SerialTeam{};
