@@ -170,7 +170,7 @@ def formula(latex):
     """HTML of a formula, with its number on the right."""
     number = TAG.search(latex)
     mathml = latex2mathml.converter.convert(TAG.sub("", latex).strip(), display="block")
-    if "\\" in mathml:
+    if "\\" in mathml or re.search(r">&(amp;)?<", mathml):
         raise ValueError(f"a command of LaTeX that latex2mathml does not know: {latex}")
     return f'<div class="formula">{mathml}{f"<span>({number.group(1)})</span>" if number else ""}</div>'
 
