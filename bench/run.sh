@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Every benchmark, into bench/results/<machine>/: headline.csv (8 contacts, 4096 environments against a naive loop),
-# bodies.csv, islands.csv, warm_start.csv, ratio.csv (the same over sizes), solvers.csv, baselines.csv, each with the command in line 1 and the machine below it. About four minutes on two idle cores.
+# bodies.csv, islands.csv, warm_start.csv, ratio.csv (the same over sizes), solvers.csv, baselines.csv. Line 1
+# of each is the command, the machine stands below it. About four minutes on two idle cores.
 #
 #   bench/run.sh [BUILD]                 BUILD: build folder, default build-bench (configured and built if needed)
 #   MACHINE=my-laptop bench/run.sh       the name of the results' folder, default: processor and cores

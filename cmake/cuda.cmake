@@ -35,8 +35,8 @@ elseif(STICTION_ENABLE_CUDA STREQUAL "ON" OR (STICTION_ENABLE_CUDA STREQUAL "AUT
   include(CheckLanguage)
   check_language(CUDA)
   if(CMAKE_CUDA_COMPILER)
-    # Where a GPU is seen: machine code for it, with all optimisations. Elsewhere one PTX, for A100 and whatever comes
-    # after. From that same PTX comes machine code for H100/H200, but only of what all solvers share: the solvers' own
+    # If a GPU is seen: machine code for it, with all optimisations. Elsewhere one PTX, for A100 and whatever comes
+    # after. From that same PTX comes machine code for H100/H200, but only of what all solvers share. The solvers' own
     # would take most of the build, an hour on some machines. The driver translates them at first use, and keeps the
     # result. A build for a GPU that is elsewhere names it: -DCMAKE_CUDA_ARCHITECTURES=90-real.
     if(DEFINED CMAKE_CUDA_ARCHITECTURES)

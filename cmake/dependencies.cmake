@@ -57,7 +57,7 @@ if(NOT STICTION_ENABLE_MPI STREQUAL "OFF")
 endif()
 
 # Parallel HDF5 for checkpoints of stiction-mpi (docs/howto/ranks.md). It takes the place of the serial library in that
-# program, which is compiled with the serial one's headers: so the two have to be of one version, and of the MPI that
+# program, which is compiled with the serial one's headers. The two have to be of one version, and of the MPI that
 # was found.
 set(STICTION_HAS_PARALLEL_HDF5 OFF)
 if(STICTION_PARALLEL_HDF5 AND STICTION_HAS_MPI AND HDF5_FOUND)

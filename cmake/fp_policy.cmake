@@ -3,7 +3,7 @@
 # enough to change bits.   contract off   a compiler may fuse a*b+c on one machine and not on another; fused is only
 # what says fma_()   no errno/traps what lets sqrt and selects vectorise; changes no value
 #   no SLP (GCC)   GCC 12 fuses a difference and a sum of products that lie side by side into vfmaddsub or vfmsubadd,
-#                  whatever -ffp-contract says; only its vectoriser of straight-line code does it. The gate `fused_gate`
+#                  whatever -ffp-contract says. Only its vectoriser of straight-line code does it. The gate `fused_gate`
 #                  reads every object for what was not written
 #   device         the same statements for nvcc, and the host flags for its host pass, which --fmad does not reach
 add_library(stiction_fp INTERFACE)
@@ -31,8 +31,8 @@ set(_stiction_keeps_lines ${STICTION_KEEP_LINES})
 if(STICTION_KEEP_LINES STREQUAL "AUTO")
   set(_stiction_keeps_lines ${STICTION_BUILD_TESTS})
 endif()
-# The baseline of x86-64 has no fused operation: unless the whole build is for a newer processor, only sets with vectors
-# of their own have lines, and all else is one object with lines and without.
+# The baseline of x86-64 has no fused operation. Unless the whole build is for a newer processor, only sets with vectors
+# of their own have lines. All else is one object with lines and without.
 set(_stiction_fuses_anywhere ON)
 if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64" AND NOT "${CMAKE_CXX_FLAGS} ${CMAKE_CXX_FLAGS_RELEASE}" MATCHES "-m(arch|fma|avx)")
   set(_stiction_fuses_anywhere OFF)

@@ -1,4 +1,4 @@
-# What `cmake --install` puts where, so that find_package(stiction CONFIG) gives stiction::stiction and, when files are
+# Places of `cmake --install`, so that find_package(stiction CONFIG) gives stiction::stiction and, when files are
 # supported, stiction::io; and C programs stiction::c or pkg-config's stiction. The installed tree names no path of the build
 # and may be moved. Three components are what packages are made of (cmake/packages.cmake): library, the shared library of the
 # C interface; development; tools.

@@ -1,4 +1,4 @@
-# A hundred test executables are linked against the same static libraries: lld takes a fifth of the time that GNU ld
+# A hundred test executables are linked against the same static libraries. lld takes a fifth of the time that GNU ld
 # does (0.2 against 1.0 s each). Only for this project's own programs; who links the libraries chooses for himself.
 if(STICTION_IS_TOP_LEVEL)
   include(CheckLinkerFlag)

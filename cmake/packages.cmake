@@ -15,7 +15,7 @@ set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_PACKAGE_GENERATE_SHLIBS ON)
 
-# What the static libraries are linked with, by those who link them.
+# Libraries that the static ones are linked with, by programs that link them.
 set(_needs)
 foreach(part IN ITEMS "TBB libtbb-dev" "SUITESPARSE_AMD libsuitesparse-dev" "METIS libmetis-dev" "IO libhdf5-dev")
   string(REPLACE " " ";" part "${part}")

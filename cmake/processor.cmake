@@ -1,4 +1,4 @@
-# What this machine's processor runs, as kernels/isa.cpp asks it when a program starts: STICTION_RUNS_AVX2,
+# Instruction sets of this machine's processor, as kernels/isa.cpp asks it when a program starts: STICTION_RUNS_AVX2,
 # STICTION_RUNS_AVX512. A build for another machine runs none here.
 if(CMAKE_CROSSCOMPILING AND NOT CMAKE_CROSSCOMPILING_EMULATOR)
   return()

@@ -1,4 +1,4 @@
-# What the objects of a CUDA target must show, read from the objects themselves (tools/fatbin.py): nothing is compiled
+# Gates of a CUDA target's objects, read from the objects themselves (tools/fatbin.py): nothing is compiled
 # a second time. Needs Python and no GPU.
 
 # nvcc 13 compresses PTX to a tenth by a method that tools/fatbin.py reads; older ones are to leave it as text.

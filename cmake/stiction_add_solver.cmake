@@ -1,9 +1,9 @@
-# What is made of the list of solvers (cmake/solvers.cmake) when CMake runs: for each solver a small source on each machine,
-# the tables of those, its number and name, its torture test. Everything is made of a template (*.in), which lies beside the
-# sources that are written by hand, and into the same folder of the build tree.
+# Sources made of the list of solvers (cmake/solvers.cmake) when CMake runs. They are, for each solver, a small one on each
+# machine, their tables, its number and name, its torture test. Everything is made of a template (*.in), which lies beside the
+# sources that are written by hand. It is made into the same folder of the build tree.
 #
 # In a template @solver@ is the name, @SOLVER@ the name in capitals, @Method@ the class, @header@ its header from
-# core/algorithm/solver on, @number@ the number, @factorises@ true or false, @solver_count@ how many there are.
+# core/algorithm/solver on. @number@ is the number, @factorises@ true or false, @solver_count@ how many there are.
 set(STICTION_SOLVERS)
 set(STICTION_FACTORISING_SOLVERS)
 set(STICTION_SWEEPING_SOLVERS)  # all others
@@ -11,7 +11,7 @@ set(STICTION_WIDE_SOLVERS)
 
 # stiction_add_solver(solver Method [FACTORISES] [WIDE_PACKS]): the next solver of SolverKind, by its enumerator and its class in
 # core/algorithm/solver/<solver>.hpp or <solver>/<solver>.hpp.
-#   FACTORISES   its workspace() is that of a method that factorises: it takes environments one at a time, never in packs, and what
+#   FACTORISES   its workspace() is that of a method that factorises. It takes environments one at a time, never in packs, and what
 #                pays in its code are vectors in its loops (cpu_fallback/CMakeLists.txt)
 #   WIDE_PACKS   its packs are compiled for AVX-512, too: sweeps, the only ones that wider vectors make faster
 function(stiction_add_solver solver method)

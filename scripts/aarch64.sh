@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Cross-compiles the library for 64-bit Arm (Debian 12's g++-aarch64-linux-gnu) and runs tests of it under qemu-user: the
-# golden hashes, which are those of x86-64, packs of NEON, the floating-point environment, and what the compiler fused.
+# Cross-compiles the library for 64-bit Arm (Debian 12's g++-aarch64-linux-gnu) and runs tests of it under qemu-user. These
+# are the golden hashes, which are those of x86-64, packs of NEON, the floating-point environment, and what the compiler fused.
 # No CUDA, no files, no Python. Builds into build-aarch64/.
 # The last line is: N passed, M failed, K skipped; exit status 77 where a compiler or qemu cannot be had.
 #

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# One hash for each batch, solver and precision, whatever built it: {g++, clang++} x {-O0, -O3, -O3 -march=native}, -O3 by
-# every other version of them that is installed, 1 and 2 threads, the kernels of each instruction set, and the
-# environments in three other orders. Prints one table; exit status 1 if any hash differs.
+# One hash for each batch, solver and precision, whatever built it. Builds are {g++, clang++} x {-O0, -O3,
+# -O3 -march=native}, and -O3 by every other version of them that is installed. They run with 1 and 2 threads, the kernels
+# of each instruction set, and the environments in three other orders. Prints one table; exit status 1 if any hash differs.
 # Builds into build-matrix/ and leaves every single hash in build-matrix/hashes.csv.
 #
 #   scripts/build_matrix.sh [BATCH.h5 ...]          default: examples/data/*.h5

@@ -20,7 +20,7 @@ as_root() {
 
 have_package() { dpkg-query -W -f='${Status}' "$1" 2> /dev/null | grep -q 'ok installed'; }
 
-# Installs the Debian packages that are missing. Those that cannot be installed are named, with what will be missing.
+# Installs the Debian packages that are missing. One that cannot be installed is named, with its use.
 #   install_packages "package: what needs it" ...
 install_packages() {
   local line package missing=() begin=$SECONDS
@@ -126,7 +126,7 @@ make_venv() {
   python=$root/.venv/bin/python
 }
 
-# What ccache must know to see through precompiled headers, and to hand an object of one build to another: paths count from
+# Settings of ccache, to see through precompiled headers, and to hand an object of one build to another. Paths count from
 # the build's own folder, so folders that lie side by side in the tree share what they compile by the same options.
 export CCACHE_SLOPPINESS=${CCACHE_SLOPPINESS:+$CCACHE_SLOPPINESS,}pch_defines,time_macros
 export CCACHE_BASEDIR=${CCACHE_BASEDIR:-$root} CCACHE_NOHASHDIR=${CCACHE_NOHASHDIR:-1}
@@ -191,7 +191,7 @@ assert (pathlib.Path(sysconfig.get_paths()["include"]) / "Python.h").exists()' 2
 }
 
 # show_progress: copies a build's output, but of its progress only a line whenever another tenth is done or half a minute has
-# passed. Of pip it takes what ninja says inside.
+# passed. From pip's output it takes ninja's.
 show_progress() {
   local line tenth last=-1 begin=$SECONDS shown=$SECONDS
   while IFS= read -r line; do

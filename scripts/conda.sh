@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Reads the conda recipe (packaging/conda/recipe.yaml) by rattler-build and renders its packages. `build` builds and tests
-# them, too, with compilers and libraries of conda-forge; `stand-ins` does so with this Debian's in their place, where
+# them, too, with compilers and libraries of conda-forge. `stand-ins` does so with this Debian's in their place, where
 # conda-forge is out of reach. Works in build-conda/, the packages are in build-conda/packages/.
 # The last line is: N passed, M failed, K skipped; exit status 77 where PyPI does not deliver rattler-build, or conda-forge
 # does not answer.

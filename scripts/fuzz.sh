@@ -8,7 +8,7 @@
 # The seed is STICTION_FUZZ_SEED, else 1: without a corpus of before, the same build goes through the same inputs, as far as the
 # seconds reach. A campaign draws one, and the log says which.
 #
-# What was found to reach new code is kept in build-fuzz/corpus and used again.
+# Inputs that reach new code are kept in build-fuzz/corpus and used again.
 set -euo pipefail
 # shellcheck source-path=SCRIPTDIR source=common.sh
 . "$(dirname "${BASH_SOURCE[0]}")/common.sh"
@@ -42,7 +42,7 @@ fi
 say "fuzzers: build"
 # Undefined behaviour traps, and addresses are checked by calls: a kernel compiles in two thirds of the time. A trap cannot
 # compare types of functions by name, as it has to across shared libraries. Checks of pointers alone, which addresses are
-# besides, make a kernel take two and a half times as long: only core/ and c_api/ have them, which read what users give.
+# besides, make a kernel take two and a half times as long. Only core/ and c_api/ have them, which read what users give.
 # Scratch holds other numbers every time.
 pointers=null,alignment,object-size,pointer-overflow
 flags="-O1 -fno-omit-frame-pointer -fsanitize=address,undefined,fuzzer-no-link -fno-sanitize=function,$pointers
@@ -58,7 +58,7 @@ log=$build/configure.log
 cmake "${options[@]}" > "$log" 2>&1 || { cat "$log"; echo "0 passed, 1 failed, 0 skipped"; exit 1; }
 build_targets "${fuzzers[@]}" fuzz_seeds || { echo "0 passed, 1 failed, 0 skipped"; exit 1; }
 
-# Where each one's inputs lie: files for the readers, bytes that choose calls and numbers for the others.
+# Inputs of each: files for the readers, bytes that choose calls and numbers for the others.
 say "fuzzers: $effort each, $jobs at a time"
 findings=$build/findings
 mkdir -p "$findings"

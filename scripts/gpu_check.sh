@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
-# The first eight minutes on a machine with an NVIDIA GPU, and without a network: are the GPU's bits the CPU's, and how
+# The first eight minutes on a machine with an NVIDIA GPU, and without a network. Are the GPU's bits the CPU's, and how
 # long does it take (tools/gpu_first/README.md)?
 #
 #   scripts/gpu_check.sh [RESULTS]       default: out
 #
 # A pack in .carry (STICTION_PACK; scripts/pack_for_gpu.sh makes it) is used if it was made of these sources, else
-# refused. Without one, gpu_first is compiled here: of the kernels in STICTION_PREBUILT_CUDA (scripts/prebuild_cuda.sh; needs CMake
+# refused. Without one, gpu_first is compiled, of the kernels in STICTION_PREBUILT_CUDA (scripts/prebuild_cuda.sh; needs CMake
 # and g++, some minutes), or by nvcc (an hour of a core). STICTION_GPU_SECONDS limits what it runs (default 470),
 # STICTION_GPU_DEVICE=ptx rehearses it without a GPU. Exit status 0: all is right.
 set -euo pipefail

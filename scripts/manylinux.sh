@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# Builds wheels that run on every Linux with glibc 2.28 or later (manylinux_2_28, x86-64), with the kernels of every
-# instruction set and HDF5 inside, and uses them in an empty system. Each is built in a fresh Debian of its own
+# Builds wheels that run on every Linux with glibc 2.28 or later (manylinux_2_28, x86-64). They hold the kernels of every
+# instruction set and HDF5, and are used in an empty system. Each is built in a fresh Debian of its own
 # (mmdebstrap, as root), so that nothing of this machine gets in. Debian 12's g++ compiles for all of them, so a compiler's
-# cache in build-manylinux/ccache hands what one has compiled to the next; PyPI's ziglang links, which can against any glibc.
+# cache in build-manylinux/ccache hands what one has compiled to the next. PyPI's ziglang links, which can against any glibc.
 # Builds into build-manylinux/, the wheels are in build-manylinux/wheels/.
 # The last line is: N passed, M failed, K skipped; exit status 77 where root, mmdebstrap, Debian or PyPI is missing.
 #
@@ -32,7 +32,7 @@ fail() {
   exit 1
 }
 
-# What pyproject.toml wants of PyPI to build.
+# Packages of PyPI that pyproject.toml builds with.
 build_needs() { sed -n 's/^requires = \[\(.*\)\]$/\1/p' /src/pyproject.toml | tr ',' '\n' | tr -d '" '; }
 
 # Inside of the Debian that builds: /src is the source, /out the work folder, /tools a virtual environment, and /compiler
@@ -65,7 +65,7 @@ WRAPPER
   chmod +x /tools/bin/old-c++ /tools/bin/compiler-cc
 }
 
-# What /tools is made of: where this differs from what made it, it is stale.
+# Sources of /tools: it is stale where they differ from those that made it.
 recipe_of_tools() {
   echo "$zig $glibc"
   build_needs
@@ -73,7 +73,7 @@ recipe_of_tools() {
   cat /src/packaging/glibc.c
 }
 
-# What the compiler's system sees of this one: sources, objects, and the headers of Python and nanobind.
+# Folders of this system that the compiler's sees: sources, objects, and the headers of Python and nanobind.
 show_to_compiler() {
   local folder
   mkdir -p /tools  # a new system has none
@@ -96,7 +96,7 @@ hdf5() {
   done
   ar rcs /out/hdf5/lib/libz.a "${objects[@]}" || return 1
   cp /out/source/zlib/zlib.h /out/source/zlib/zconf.h /out/hdf5/include
-  # What a program that CMake runs would write here, it does not with CMake 4: decimals of long double, none of __float128.
+  # CMake 4 does not run the program that would write this: decimals of long double, none of __float128.
   mkdir -p /out/source/hdf5/build && printf '21;0;' > /out/source/hdf5/build/pac_Cconftest.out
   cmake -S /out/source/hdf5 -B /out/source/hdf5/build -G Ninja -DCMAKE_BUILD_TYPE=Release -DCMAKE_INSTALL_PREFIX=/out/hdf5 \
     "-DCMAKE_C_FLAGS_RELEASE=-O1 -DNDEBUG -w -Wno-implicit-int -Wno-implicit-function-declaration" \

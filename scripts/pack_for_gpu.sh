@@ -3,7 +3,7 @@
 #
 #   scripts/pack_for_gpu.sh --alone [FOLDER]     default: .carry, which git ignores
 #
-#   gpu_first.xz     the program with its kernels as machine code for H100 and H200; it needs a C library no older than
+#   gpu_first.xz     the program with its kernels as machine code for H100 and H200. It needs a C library no older than
 #                    this machine's, and NVIDIA's driver
 #   batches/         recorded robots as J and M
 #   hashes.csv       what the CPU answers

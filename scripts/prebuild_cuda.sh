@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
 # Compiles every CUDA kernel for H100 and H200, fully optimised, and packs the objects into one archive. A build with
-# -DSTICTION_PREBUILT_CUDA=ARCHIVE takes them and needs no nvcc. That is for a machine with a GPU and few minutes.
+# -DSTICTION_PREBUILT_CUDA=ARCHIVE takes them and needs no nvcc. It is for a machine with a GPU and few minutes.
 #
 #   scripts/prebuild_cuda.sh [ARCHIVE]       default: .carry/stiction_cuda_sm90.tar.xz
 #
-# An hour of one core, so at the lowest priority. Each object is kept in build-prebuilt/ as it is done: a second call
+# An hour of one core, so at the lowest priority. Each object is kept in build-prebuilt/ as it is done. A second call
 # goes on where the first was stopped, and later compiles what has changed. STICTION_PREBUILD_JOBS says how many at a
 # time. Kernels of the sources in STICTION_PREBUILD_WITHOUT (cuda_pgs,cuda_nsgs) are left out: a launch of one fails.
 set -euo pipefail

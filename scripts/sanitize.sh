@@ -7,7 +7,7 @@ set -euo pipefail
 # shellcheck source-path=SCRIPTDIR source=common.sh
 . "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
-# A test that only calls the library is compiled as test.sh does it. Where there is a compiler's cache, that has been done.
+# A test that only calls the library is compiled as test.sh does it. With a compiler's cache, that has been done.
 kind=${1:-address}
 build=${STICTION_SANITIZE_DIR:-$root/build-sanitize-$kind}
 begin_options "$build"
@@ -25,8 +25,8 @@ case $kind in
       "-DSTICTION_CORE_OPTIONS=-fsanitize=undefined;-fno-sanitize-recover=all"
       "-DCMAKE_EXE_LINKER_FLAGS=-fsanitize=address,undefined" "-DCMAKE_SHARED_LINKER_FLAGS=-fsanitize=address,undefined")
     targets=()
-    # determinism_test_isa and _isa_forms go through packs of every width by themselves. What is left out by name takes
-    # minutes and runs no code of the library that others do not.
+    # determinism_test_isa and _isa_forms go through packs of every width by themselves. Tests left out by name take
+    # minutes and run no code of the library that others do not.
     chosen=(-L 'unit|algorithm|twin|determinism|c_api' -LE isa
       -E 'golden|twin_test_fallback_chain|unit_test_scenes|algorithm_test_.*_table|algorithm_test_multigrid$')
     # In worlds only the sweeps depend on the instruction set, and tests of bodies go through those of each width.

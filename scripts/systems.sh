@@ -28,7 +28,7 @@ make_system() {
 }
 
 # in_system NAME COMMAND ...: there, with the source as /src, $work as /out, and each "FOLDER:PLACE" of the array `folders`.
-# What it mounts is gone at the end. It trusts the certificates that this machine trusts.
+# Its mounts are gone at the end. It trusts the certificates that this machine trusts.
 in_system() {
   local folder=$work/$1 certificates=/etc/ssl/certs/ca-certificates.crt variables=()
   shift

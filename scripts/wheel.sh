@@ -68,7 +68,7 @@ fi
 
 say "wheel: build"
 # A compiler's cache, where there is one, makes it quick the second time. It knows the kernels of demo.sh and the rest of
-# test.sh, compiled by the same options beside it; what includes nanobind, which pip keeps elsewhere each time, is compiled.
+# test.sh, compiled by the same options beside it. Sources that include nanobind, which pip keeps elsewhere each time, are compiled.
 if command -v ccache > /dev/null; then export CMAKE_CXX_COMPILER_LAUNCHER=ccache; fi
 # It counts a compiler of another name as another one, and pip would ask for Python's.
 export CXX=${CXX:-c++}

@@ -1,5 +1,5 @@
 # The library as the tests link it: one shared library of the very objects that are in the static ones. Each of the
-# tests with all of them inside, GPU code of every solver included, takes 110 MB, and all of them 13 GB of disk.
+# tests with all of them inside, GPU code of every solver included, takes 110 MB. All of them 13 GB of disk.
 # Defines the target stiction_tested.
 set(_parts stiction_facade stiction_core stiction_cpu stiction_scenes)
 foreach(part IN ITEMS stiction_device stiction_cuda stiction_io)
@@ -8,7 +8,7 @@ foreach(part IN ITEMS stiction_device stiction_cuda stiction_io)
   endif()
 endforeach()
 
-# Packs of 16 and of 64 bytes, whatever vectors the machine has: the first are those of any x86-64 or of NEON, the second are
+# Packs of 16 and of 64 bytes, whatever vectors the machine has. The first are those of any x86-64 or of NEON, the second are
 # split by the compiler. They are the tests' own and reach the library's tables when the shared library is loaded.
 set(_widths)
 stiction_solver_table(_table ${PROJECT_SOURCE_DIR}/cpu_fallback/kernels/solvers.cpp.in isa/solvers.cpp ${STICTION_SWEEPING_SOLVERS})
@@ -51,7 +51,7 @@ target_link_libraries(stiction_tested PRIVATE ${_parts} PUBLIC stiction_fp Threa
 set(_archives ${_parts})
 list(TRANSFORM _archives REPLACE "(.+)" "$<TARGET_FILE:\\1>")
 string(REPLACE ";" "," _archives "${_archives}")
-# What the tests instantiate of inline functions, not optimised, must not take the place of what the library has.
+# Inline functions that tests instantiate, not optimised, must not take the place of the library's.
 target_link_options(stiction_tested PRIVATE "LINKER:--whole-archive,${_archives},--no-whole-archive" LINKER:-Bsymbolic-functions)
 # All that those who link the parts are given, but for the parts.
 target_compile_features(stiction_tested INTERFACE cxx_std_20)

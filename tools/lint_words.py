@@ -143,6 +143,7 @@ def sentence_cases():
         ("docs/a.md", "Whatever is left is zero. It says where.\n\n    That is code.\n", 0),
         ("bench/log/a.md", "What is left is zero.\n", 0),
         ("a.hpp", "/// So it is.\n", 1),
+        ("a.sh", "#!/bin/sh\n# What is left.\nx=1  # Where it is\n", 1),
     ]
 
 

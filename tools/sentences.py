@@ -135,12 +135,21 @@ def python_comments(text):
     return found
 
 
+def script_comments(text):
+    """Pairs (line number, text) of the comments of a shell or CMake source that have lines of their own."""
+    return [(text.count("\n", 0, match.start()) + 1, re.sub(r"^\s*#+ ?", "", match[0], flags=re.MULTILINE))
+            for match in re.finditer(r"(?:^[ \t]*#(?!!).*\n)+", text, re.MULTILINE)]
+
+
 def units_of(path, text):
-    """Units of a file; none of one that is neither a page nor a C++, CUDA, C or Python source."""
-    suffix = pathlib.PurePosixPath(path.removesuffix(".in")).suffix
+    """Units of a file; none of one that is neither a page nor a C++, CUDA, C, Python, shell or CMake source."""
+    name = path.removesuffix(".in")
+    suffix = pathlib.PurePosixPath(name).suffix
     if suffix == ".md":
         return markdown_units(text)
     comments = c_comments(text) if suffix in C_SUFFIXES else python_comments(text) if suffix == ".py" else []
+    if suffix in {".sh", ".cmake"} or name.endswith("CMakeLists.txt"):
+        comments = script_comments(text)
     return [unit for number, comment in comments for unit in shifted(markdown_units(comment, suffix == ".py"), number)]
 
 

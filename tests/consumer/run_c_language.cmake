@@ -1,5 +1,5 @@
 # cmake -DINSTALLED= -DSOURCE_DIR= -DWORK_DIR= -DGENERATOR= -DCC= -DPKG_CONFIG= -P: builds and runs the C example against an
-# installed tree, once by the CMake target and once by what pkg-config says.
+# installed tree. It does so once by the CMake target and once by what pkg-config says.
 function(run)
   execute_process(COMMAND ${ARGV} RESULT_VARIABLE status OUTPUT_VARIABLE output ERROR_VARIABLE output)
   if(NOT status EQUAL 0)

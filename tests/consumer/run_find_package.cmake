@@ -1,5 +1,5 @@
-# cmake -DBUILD_DIR= -DSOURCE_DIR= -DWORK_DIR= -DGENERATOR= -DCXX= -P: installs the build into a prefix, moves the prefix
-# (an installed tree that names its own place would not survive that), and builds and runs the consumer against it.
+# cmake -DBUILD_DIR= -DSOURCE_DIR= -DWORK_DIR= -DGENERATOR= -DCXX= -P: installs the build into a prefix, and moves the
+# prefix. An installed tree that names its own place would not survive that. Builds and runs the consumer against it.
 function(run)
   execute_process(COMMAND ${ARGV} RESULT_VARIABLE status OUTPUT_VARIABLE output ERROR_VARIABLE output)
   if(NOT status EQUAL 0)

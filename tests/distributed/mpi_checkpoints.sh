@@ -22,7 +22,7 @@ write_together() {  # write_together SCENE OPTIONS...
 
 # A limit of the files' length stands for a disk that is full.
 refuse_a_full_disk() {
-  # Of the ranks alone, whose messages then go through no file that is shared.
+  # Messages of the ranks then go through no shared file.
   OMPI_MCA_btl=self,tcp timeout 60 "$mpiexec" -n 3 bash -c 'trap "" XFSZ; ulimit -f 16; exec "$@"' - "$program" step pile --size 150 \
     --steps 2 --checkpoint "$folder/full.h5" --checkpoint-files one --quiet 2> "$folder/err"
   [ $? -eq 2 ] || fail "a full disk: $(cat "$folder/err")"

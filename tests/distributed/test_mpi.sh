@@ -165,7 +165,7 @@ restart() {  # restart KILLS STEPS one|parts
   if [ "$files" = one ]; then
     [ -z "$(find "$folder" -maxdepth 1 -name 'point.h5.step*')" ] || fail "parts beside one file: $(echo "$folder"/point.h5.*)"
   else
-    # Of one checkpoint alone, that of the last step: by 3 ranks, or by those of a job that ended before it was killed.
+    # One checkpoint alone, that of the last step: by 3 ranks, or by those of a job that ended before it was killed.
     ranks=$(sed -n 's/.*"resumed_at": \([0-9]*\),.*/\1/p' "$folder/ranks.json")
     [ "$ranks" = "$steps" ] && ranks=? || ranks=3
     kinds=$(cd "$folder" && printf '%s\n' point.h5.step*.part[0-9]of[0-9] | sed 's/part[0-9]of/partof/' | sort -u)
@@ -386,7 +386,7 @@ EOF
       [ ! -s "$folder/out" ] || fail "$arguments: printed $(cat "$folder/out")"
       grep '^stiction-mpi: ' "$folder/err"
     done
-    # 12 bodies have 12 * 32 numbers of 8 bytes, of which two ranks have half each, and an environment a status of 32
+    # 12 bodies have 12 * 32 numbers of 8 bytes, of which two ranks have half each. An environment has a status of 32
     # bytes: 1568 bytes.
     ranks 2 step pile --envs 1000000000000 2> "$folder/err"
     grep -q "pile with 1000000000000 environments of 12 bodies (--envs, --size) takes at least 1.57 PB of memory, and " \

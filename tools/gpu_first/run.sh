@@ -4,7 +4,7 @@
 #
 #   run.sh [RESULTS]       default: $OUT, else results in the folder where it is called
 #
-# Three files: results.jsonl, a line for each result at once; summary.txt, at most 40 lines, also the end of the output;
+# Three files: results.jsonl, a line for each result at once. summary.txt, at most 40 lines, also the end of the output;
 # all.tgz, with the log and ncu's tables, whatever ends it. STICTION_GPU_SECONDS limits it (default 470),
 # STICTION_GPU_DEVICE=ptx rehearses it without a GPU. Exit status 0: all is right.
 set -uo pipefail
