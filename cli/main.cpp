@@ -194,7 +194,7 @@ void declare_all(CLI::App& app, Command& chosen) {
   add_command(app, chosen, "step", "Step environments of a scene of rigid bodies", run_step, declare_step);
   add_command(app, chosen, "scaling", "Strong and weak scaling over CPU threads", run_scaling, declare_scaling);
   app.footer(
-      "view and report are the Python package's, and are run by python3.\n"
+      "view, report and step MODEL.xml are the Python package's, and are run by python3.\n"
       "Exit status: 0 done; 1 solved but an environment missed the tolerance, or a difference was found;\n"
       "2 bad input or usage.");
 }

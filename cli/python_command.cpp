@@ -2,6 +2,7 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <string_view>
 #include <vector>
@@ -20,7 +21,8 @@ try:
 except ModuleNotFoundError as missing:
     if missing.name != "stiction":
         raise
-    print("stiction: view and report need the Python package, which python3 has not: see docs/howto/install.md", file=sys.stderr)
+    print("stiction: view, report and step of a model need the Python package, which python3 has not: "
+          "see docs/howto/install.md", file=sys.stderr)
     sys.exit(2)
 sys.exit(main())
 )";
@@ -30,7 +32,8 @@ sys.exit(main())
 bool is_python_command(int argc, char** argv) {
   if (argc < 2) return false;
   const std::string_view name = argv[1];
-  return name == "view" || name == "report";
+  const auto is_model = [](std::string_view argument) { return argument.ends_with(".xml"); };
+  return name == "view" || name == "report" || (name == "step" && std::any_of(argv + 2, argv + argc, is_model));
 }
 
 int run_python_command(char** argv) {
@@ -38,7 +41,7 @@ int run_python_command(char** argv) {
   for (char** argument = argv + 1; *argument != nullptr; ++argument) arguments.push_back(*argument);
   arguments.push_back(nullptr);
   ::execvp(arguments.front(), const_cast<char* const*>(arguments.data()));
-  std::fputs("stiction: view and report need python3, which is not on the path\n", stderr);
+  std::fputs("stiction: view, report and step of a model need python3, which is not on the path\n", stderr);
   return kExitBadInput;
 }
 

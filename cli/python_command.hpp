@@ -2,7 +2,7 @@
 
 namespace stiction::cli {
 
-/// Returns true if the first argument is a command of the Python package: view or report.
+/// Returns true if the arguments are a command of the Python package: view, report, or step with a model's .xml.
 bool is_python_command(int argc, char** argv);
 
 /// Runs the package's command in place of this process, by the python3 on the path. Returns the exit status where there

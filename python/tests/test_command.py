@@ -70,7 +70,14 @@ def test_the_compiled_program_runs_the_packages_commands(cli, report, tmp_path):
     done = hand_over("report", tmp_path / "none.json", PATH=f"{tmp_path}:/bin:/usr/bin")
     assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
     done = hand_over("view", "x.h5", PATH="")
-    assert (done.returncode, done.stderr) == (2, "stiction: view and report need python3, which is not on the path\n")
+    assert (done.returncode, done.stderr) == (2, "stiction: view, report and step of a model need python3, which is not on the path\n")
+    model = tmp_path / "robot.xml"
+    model.write_text("<mujoco><worldbody><body><freejoint/><geom size='1'/></body></worldbody></mujoco>", encoding="utf-8")
+    done = hand_over("step", "--envs", 3, model, "--steps", 2, PATH=f"{tmp_path}:/bin:/usr/bin")
+    assert done.returncode == 0 and done.stdout.startswith("robot.xml: 3 simulations, 2 steps, float64\n")
+    assert hand_over("step", model, "--help", PATH=f"{tmp_path}:/bin:/usr/bin").stdout.startswith("usage: stiction step [-h]")
+    done = hand_over("step", tmp_path / "none.xml", PATH=f"{tmp_path}:/bin:/usr/bin")
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1) and done.stderr.startswith("stiction: ")
     (tmp_path / "python3").write_text(f'#!/bin/sh\nexec {sys.executable} -I -S "$@"\n')  # without any package
     done = hand_over("view", "x.h5", PATH=f"{tmp_path}:/bin:/usr/bin")
     assert (done.returncode, done.stdout) == (2, "") and "need the Python package" in done.stderr

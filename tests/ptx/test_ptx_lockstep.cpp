@@ -10,6 +10,7 @@
 #include <regex>
 #include <string>
 
+#include "cuda/kernels/jacobian_vjp_program.hpp"
 #include "cuda/kernels/velocity_program.hpp"
 #include "cuda/kernels/velocity_teams_program.hpp"
 #include "cuda/kernels/work_queue.hpp"
@@ -20,6 +21,8 @@
 #include "tests/support/count_table.hpp"
 #include "tests/support/machines/device_jacobians.hpp"
 #include "tests/support/machines/on_engine.hpp"
+#include "tests/support/systems/derivative_cases.hpp"
+#include "tests/support/systems/jacobian_cotangents.hpp"
 
 /// Instructions and sectors of a GPU's warps for recorded robots: costs of a kernel that show in no bit. A warp has 32
 /// different environments, or teams of its lanes have one each. `STICTION_UPDATE_COUNTS=1` writes the table instead.
@@ -94,6 +97,24 @@ template <class Real>
 std::vector<ptx::Place> velocity_team_places(const TracedLaunch& launch) {
   return answer_places(arguments_of<cuda::VelocityTeamArgs<Real>>(launch).job);
 }
+/// Numbers of the reverse pass that the next launch reads are output, too.
+template <class Real>
+std::vector<ptx::Place> vjp_lane_places(const TracedLaunch& launch) {
+  const auto args = arguments_of<cuda::JacobianVjpArgs<Real>>(launch);
+  const JacobianBatchView<Real>& batch = args.job.assembly.batch;
+  const Offset teams = (batch.env_count + cuda::kWarp - 1) / cuda::kWarp, count = args.job.contact.count;
+  const auto& to = args.job.gradients;
+  std::vector<ptx::Place> places = {place_of(to.v_free, count * batch.dof_count, Memory::output),
+                                    place_of(args.job.seed, count * batch.row_count, Memory::output),
+                                    place_of(args.job.nu, count * batch.row_count, Memory::output),
+                                    place_of(args.job.lanes.adjoint, count * batch.dof_count, Memory::output),
+                                    place_of(args.job.lanes.moved, batch.dof_count, Memory::output),
+                                    place_of(args.numbers, teams * args.numbers_per_team, Memory::scratch),
+                                    place_of(args.lists, teams * cuda::kWarp * args.lists_per_lane, Memory::lists)};
+  for (const Real* rows : {to.target, to.R, to.mu, to.lo, to.hi})
+    places.push_back(place_of(rows, count * batch.row_count, Memory::output));
+  return places;
+}
 template <class Real>
 std::vector<ptx::Place> queue_places(const TracedLaunch& launch) {
   const auto args = arguments_of<cuda::QueuedJob<Real>>(launch);
@@ -111,7 +132,9 @@ struct Counted {
   const char* kernel;
   std::vector<ptx::Place> (*places)(const TracedLaunch&);
 };
-constexpr Counted kCounted[] = {{"SolveVelocities<float", velocity_lane_places<float>},
+constexpr Counted kCounted[] = {{"VjpLanesProgram<float", vjp_lane_places<float>},
+                                {"VjpLanesProgram<double", vjp_lane_places<double>},
+                                {"SolveVelocities<float", velocity_lane_places<float>},
                                 {"SolveVelocities<double", velocity_lane_places<double>},
                                 {"SolveVelocityTeams<float", velocity_team_places<float>},
                                 {"SolveVelocityTeams<double", velocity_team_places<double>},
@@ -194,6 +217,29 @@ Issued velocities(const io::Recording& recording, bool by_lanes, const std::vect
   return replayed(recorded, "Velocit");
 }
 
+/// Cotangents of velocities pulled back through `auto` on J and M, before J's and M's are written. Lanes answer all.
+template <class Real>
+Issued pulled_back(const io::Recording& recording) {
+  const auto batch = io::jacobian_batch<Real>(recording);
+  const JacobianBatchView<Real> here = batch.view();
+  const auto lambda = solve(batch, options_of(SolverKind::automatic)).contact.lambda;
+  JacobianChanges<Real> bars(here);
+  bars.velocity = random_numbers<Real>(bars.velocity.size(), 1);
+  JacobianGradients<Real> expected(here), found(here);
+  const JacobianSolutionCotangentView<Real> cotangents{nullptr, nullptr, bars.velocity.data()};
+  Derivative(Device::cpu()).vjp(here, {lambda.data(), nullptr}, cotangents, expected.view(), expected.status.data());
+  JacobianBatchView<Real> there = here;
+  there.space = MemorySpace::cuda;
+  const Recorded recorded;
+  const auto largest = JacobianCapacity::of(here);
+  const Capacity capacity{.env_rows = largest.env_rows, .env_dofs = largest.env_dofs};
+  Derivative(Device::emulated(), {}, capacity)
+      .vjp(there, {lambda.data(), nullptr}, cotangents, found.view(), found.status.data());
+  const auto one = expected.all(), two = found.all();
+  EXPECT_TRUE(same_bits(std::span<const Real>(one), std::span<const Real>(two)));
+  return replayed(recorded, "VjpLanes");
+}
+
 /// npgs on A. `by_lanes`: as if there were enough environments for a lane each.
 template <class Real>
 Issued npgs(const io::Recording& recording, bool by_lanes) {
@@ -222,6 +268,8 @@ const std::vector<Count>& counts() {
       {"velocities f64 in teams", [](const io::Recording& robot) { return velocities<double>(robot, false); }},
       {"velocities f32 in lanes", [](const io::Recording& robot) { return velocities<float>(robot, true); }},
       {"velocities f64 in lanes", [](const io::Recording& robot) { return velocities<double>(robot, true); }},
+      {"reverse pass f32 in lanes", [](const io::Recording& robot) { return pulled_back<float>(robot); }},
+      {"reverse pass f64 in lanes", [](const io::Recording& robot) { return pulled_back<double>(robot); }},
       {"npgs f32 in lanes", [](const io::Recording& robot) { return npgs<float>(robot, true); }},
       {"npgs f64 in lanes", [](const io::Recording& robot) { return npgs<double>(robot, true); }},
       {"npgs f32 in teams", [](const io::Recording& robot) { return npgs<float>(robot, false); }}};

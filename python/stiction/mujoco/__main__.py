@@ -1,6 +1,7 @@
 """Steps an MJCF model in lanes from the shell, to see whether it can be and how fast. docs/howto/robots_in_lanes.md.
 
-    python -m stiction.mujoco step robot.xml --envs 4096 --steps 1000 --dtype float32
+    stiction step robot.xml --envs 4096 --steps 1000 --dtype float32
+    python -m stiction.mujoco step robot.xml
 """
 
 import argparse
@@ -17,8 +18,8 @@ _CHUNK = 16          # steps with one control
 _LINE_SECONDS = 1.0  # between two lines of progress
 
 
-def _parser():
-    parser = argparse.ArgumentParser(prog="python -m stiction.mujoco", description="Steps MuJoCo models in lanes.")
+def _parser(program):
+    parser = argparse.ArgumentParser(prog=program, description="Steps MuJoCo models in lanes.")
     step = parser.add_subparsers(dest="command", required=True).add_parser(
         "step", help="steps many simulations of a model", description="Steps many simulations of a model in lanes. Their "
         "velocities begin at random, and controls are drawn from their ranges, or from -1..1, every 16 steps.")
@@ -63,9 +64,9 @@ def _step_all(simulation, steps, rng):
     return seconds, float(np.mean(solved))
 
 
-def main(arguments=None) -> int:
-    """The command. Returns the exit status: 1 if a simulation failed, 2 for bad input."""
-    options = _parser().parse_args(arguments)
+def main(arguments=None, program="python -m stiction.mujoco") -> int:
+    """The command, of a program of that name. Returns the exit status: 1 if a simulation failed, 2 for bad input."""
+    options = _parser(program).parse_args(arguments)
     try:
         if options.steps < 1:
             raise ValueError(f"--steps: expected at least 1, got {options.steps}")
@@ -75,7 +76,7 @@ def main(arguments=None) -> int:
         simulation = BatchedSimulation(model, options.envs, engine="lanes", dtype=options.dtype, threads=options.threads,
                                        tolerance=options.tolerance, device=options.device)
     except (MemoryError, OSError, ValueError, RuntimeError) as error:
-        print(f"stiction.mujoco: {options.model}: {' '.join(str(error).split())}", file=sys.stderr)
+        print(f"{program.split()[-1]}: {options.model}: {' '.join(str(error).split())}", file=sys.stderr)
         return 2
     rng = np.random.default_rng(options.seed)
     simulation.qvel[:] = 0.1 * rng.standard_normal(simulation.qvel.shape)
