@@ -1,4 +1,4 @@
-"""Answers of a solver from outside, judged as all others are.
+"""Answers of an outside solver, judged as all others are.
 
 ANSWERS is a folder with solver.json ({"name", "version", "given", "machine"}) and files FAMILY/NAME@TOLERANCE.h5 for any of the
 sets (answer_file.py says what is in one). Beside each may be .permuted.h5, .threads.h5 and .machines.h5, all in the set's

@@ -15,8 +15,8 @@
 #include "tests/support/machines/stress_team.hpp"
 #include "tests/support/systems/random_structures.hpp"
 
-/// A plan made by however many lanes holds the integers of make_plan(), which tests/unit/plan/test_plan.cpp holds to
-/// its word.
+/// A plan made by any number of lanes holds the integers of make_plan(), which tests/unit/plan/test_plan.cpp
+/// tests.
 namespace {
 
 using namespace stiction;

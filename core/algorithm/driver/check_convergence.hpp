@@ -169,7 +169,7 @@ STICTION_HD_OUTLINE bool evaluate_candidate(TeamT& team, const EnvView<Real>& en
   };
   Verdict verdict = evaluate();
   if (poll.ended && is_collapsed(verdict.relative)) {
-    // Not one iterate had an answer of any use in the batch's units: zero always does.
+    // No iterate had an answer that is of use in the batch's units; zero is always an answer there.
     for_each(team, env.n, [&](Index i) { env.lambda[i] = 0; });
     const Verdict of_nothing = evaluate();
     if (finite_(verdict.relative) && !(of_nothing.relative < verdict.relative)) {

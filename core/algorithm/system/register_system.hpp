@@ -62,7 +62,7 @@ struct RegisterSystem {
     }
   }
 
-  /// Brings x and y back; all else that iterations change was changed in place.
+  /// Copies x and y back to memory; iterations change nothing else that is kept in registers.
   STICTION_HD void store(const Dense& s) const {
     STICTION_UNROLL
     for (int i = 0; i < kRows; ++i)

@@ -177,8 +177,8 @@ class AggregationMultigrid {
     return from(entries, fine, coarse);
   }
 
-  /// Which aggregate each body moves with. From roots on, in three rounds, it is the graph's where a member of it
-  /// holds the body. Else it is that of the neighbour that holds it most firmly.
+  /// Aggregate that each body moves with, in three rounds from roots. A body takes the graph's where a member of it
+  /// holds the body. Else it takes that of the neighbour that holds it most firmly.
   static std::vector<std::size_t> labels(const Matrix& H, const Graph& graph) {
     const std::size_t n = bodies(H);
     std::vector<std::size_t> label(n, kFree);

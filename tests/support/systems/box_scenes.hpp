@@ -46,8 +46,8 @@ struct BlockSystem {
   [[nodiscard]] BlockMatrix matrix() { return {pattern(), values.data()}; }
 };
 
-/// H of a scene with compliance R on every contact. In `sliding` of a hundred contacts the second tangent is let go,
-/// in as many more all three axes are.
+/// H of a scene with compliance R on every contact. `sliding` percent of the contacts have no stiffness along the
+/// second axis, and another `sliding` percent have none at all.
 inline BlockSystem box_matrix(const BoxScene& scene, double compliance, unsigned sliding = 0) {
   using Block36 = std::array<double, kBlockEntries>;
   std::map<std::pair<Index, Index>, Block36> blocks;
