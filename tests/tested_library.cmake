@@ -9,24 +9,23 @@ foreach(part IN ITEMS stiction_device stiction_cuda stiction_io)
 endforeach()
 
 # Packs of 16 and of 64 bytes, whatever vectors the machine has. The first are those of any x86-64 or of NEON, the second are
-# split by the compiler. They are the tests' own and reach the library's tables when the shared library is loaded.
+# split by the compiler. They are the tests' own and reach the library's tables when the shared library is loaded. No
+# others of 64 bytes are needed if the library's own for AVX-512 run.
 set(_widths)
+set(_tested_widths)
 stiction_solver_table(_table ${PROJECT_SOURCE_DIR}/cpu_fallback/kernels/solvers.cpp.in isa/solvers.cpp ${STICTION_SWEEPING_SOLVERS})
 set(_sweeping ${STICTION_SWEEPING_SOLVERS})
 list(TRANSFORM _sweeping REPLACE "(.+)" "${PROJECT_BINARY_DIR}/cpu_fallback/kernels/\\1.cpp")
 if(TARGET stiction_cpu_avx2)
-  # A sanitizer sees in packs of 32 and 64 bytes what it would in those of 16.
-  set(_tested_widths narrow wide)
-  if(STICTION_LIBRARY_OPTIONS)
-    set(_tested_widths wide)
+  if(NOT STICTION_LIBRARY_OPTIONS)  # a sanitizer sees in the library's packs what it would in others
+    list(APPEND _tested_widths narrow)
+    if(NOT TARGET stiction_cpu_avx512 OR NOT STICTION_RUNS_AVX512)
+      list(APPEND _tested_widths wide)
+    endif()
   endif()
   foreach(width IN LISTS _tested_widths)
     set(bytes 16)
     set(options -O1 "$<$<CXX_COMPILER_ID:GNU>:-Wno-psabi>")  # GCC notes how vectors that are split are passed
-    if(STICTION_LIBRARY_OPTIONS)  # two tests go through them then
-      list(PREPEND options ${STICTION_LIBRARY_OPTIONS})
-      list(TRANSFORM options REPLACE "^-O1$" -O0)
-    endif()
     if(width STREQUAL "wide")
       set(bytes 64)
       list(APPEND options -mavx2 -mfma)

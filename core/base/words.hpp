@@ -47,7 +47,7 @@ template <class Real>
 STICTION_HD std::uint64_t nonzero_of(const Real* numbers, Index count) {
   std::uint64_t set = 0;
   Index k = 0;
-#if defined(__AVX512F__) && defined(__AVX512DQ__) && !defined(__CUDA_ARCH__)
+#if defined(__AVX512F__) && defined(__AVX512DQ__) && !defined(__CUDA_ARCH__) && !defined(__SANITIZE_ADDRESS__)
   constexpr Index kWidth = 64 / static_cast<Index>(sizeof(Real));
   for (; k < count; k += kWidth) {
     const Index rest = count - k;
