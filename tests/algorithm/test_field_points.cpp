@@ -1,12 +1,13 @@
-// Points of height fields with spheres, capsules and boxes, against conditions that hold for the nearest point of a
-// convex set alone, and against searches.
+// Points of height fields with spheres, capsules and boxes.
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdint>
 #include <functional>
+#include <map>
 #include <random>
-#include <tuple>
 #include <vector>
 
 #include "core/algorithm/articulated/fields/touch_field.hpp"
@@ -17,123 +18,6 @@ namespace stiction::test {
 namespace {
 
 constexpr double kFew = 1e-12;
-
-Point random_point(std::mt19937_64& random, double size) {
-  std::uniform_real_distribution<double> place(-size, size);
-  const double x = place(random), y = place(random), z = place(random);
-  return {x, y, z};
-}
-
-/// Holds for the point of a convex set that is nearest to p, and for no other: the set is behind it.
-template <class Corners>
-void expect_nearest(const Point& p, const Point& found, const Corners& corners) {
-  for (const Point& corner : corners) EXPECT_LE(dot(subtract(p, found), subtract(corner, found)), kFew);
-}
-
-TEST(Triangle, HasTheNearestPointInItself) {
-  std::mt19937_64 random(5);
-  for (int k = 0; k < 2000; ++k) {
-    const Triangle3<double> triangle{random_point(random, 1), random_point(random, 1), random_point(random, 1)};
-    const Point p = random_point(random, 2), found = nearest_in(triangle, p);
-    expect_nearest(p, found, std::vector<Point>{triangle.a, triangle.b, triangle.c});
-    // Areas of the parts that it cuts the triangle into make the triangle's.
-    const auto area = [](const Point& a, const Point& b, const Point& c) {
-      return length(cross(subtract(b, a), subtract(c, a)));
-    };
-    EXPECT_NEAR(
-        area(triangle.a, triangle.b, found) + area(triangle.b, triangle.c, found) + area(triangle.c, triangle.a, found),
-        area(triangle.a, triangle.b, triangle.c), 1e-7);
-  }
-}
-
-FieldPrism<double> random_prism(std::mt19937_64& random) {
-  std::uniform_real_distribution<double> height(0, 0.6);
-  const double a = height(random), b = height(random), c = height(random);
-  return {{{0, .4, a}, {0, 0, b}, {.5, .4, c}}, -.2};
-}
-
-double farthest_beyond(const FieldPrism<double>& prism, const Point& p) {
-  return prism.beyond(prism.outermost_face(p), p);
-}
-
-TEST(FieldPrism, NearestPointOfItsSurfaceIsBehindOrLeavesByTheNearestFace) {
-  std::mt19937_64 random(6);
-  int outside = 0, inside = 0;
-  for (int k = 0; k < 3000; ++k) {
-    const FieldPrism<double> prism = random_prism(random);
-    const Point p = added(Point{.2, .2, .1}, random_point(random, k % 2 == 0 ? .7 : .2));
-    const SurfacePoint<double> found = nearest_surface(prism, p);
-    EXPECT_NEAR(length(found.normal), 1, kFew);
-    EXPECT_NEAR(farthest_beyond(prism, found.at), 0, kFew);
-    EXPECT_NEAR(length(subtract(p, add_scaled(found.at, found.distance, found.normal))), 0, kFew);
-    if (found.distance > 0) {
-      ++outside;
-      expect_nearest(p, found.at, prism.corner);
-    } else {
-      ++inside;  // a ball as large as the way out stays within
-      for (int turn = 0; turn < 20; ++turn)
-        EXPECT_LE(farthest_beyond(prism, add_scaled(p, -found.distance, random_direction(random))), kFew);
-    }
-  }
-  EXPECT_GT(outside, 500);
-  EXPECT_GT(inside, 300);
-}
-
-/// The distance from a segment to a prism by a search that halves: it is convex along the segment.
-double searched_distance(const FieldPrism<double>& prism, const Segment<double>& axis) {
-  double low = -1, high = 1;
-  const auto at = [&](double t) { return nearest_surface(prism, point_at(axis, t)).distance; };
-  for (int k = 0; k < 200; ++k) {
-    const double a = low + (high - low) / 3, b = high - (high - low) / 3;
-    (at(a) < at(b) ? high : low) = at(a) < at(b) ? b : a;
-  }
-  return at(low);
-}
-
-/// How far a prism has to go along n until it is behind a segment.
-double way_along(const FieldPrism<double>& prism, const Ends<double>& ends, const Point& n) {
-  return prism.reach(n) - std::min(dot(n, ends.at[0]), dot(n, ends.at[1]));
-}
-
-TEST(FieldPrism, ACapsuleTouchesItWhereASearchFindsTheSegmentNearest) {
-  constexpr double kRadius = .05;
-  std::mt19937_64 random(7);
-  int apart = 0, pierced = 0, between = 0;
-  for (int k = 0; k < 3000; ++k) {
-    const FieldPrism<double> prism = random_prism(random);
-    const Ends<double> ends({added(Point{.2, .2, .3}, random_point(random, .4)), random_point(random, .3)});
-    FieldPoints<double> found(kMostFieldPoints);
-    touch_prism(prism, ends, kRadius, 10.0, found);
-    ASSERT_GE(found.count, 1);
-    ASSERT_LE(found.count, 3);
-    const auto& deepest = *std::max_element(found.at, found.at + found.count,
-                                            [](const auto& one, const auto& other) { return one.depth < other.depth; });
-    const double distance = kRadius - deepest.depth;
-    const double way = way_along(prism, ends, deepest.normal);
-    EXPECT_NEAR(way, -distance, 1e-9) << k;  // the distance is that along the normal
-    const Point surface = add_scaled(deepest.point, deepest.depth / 2, deepest.normal);
-    const Point middle = add_scaled(surface, distance, deepest.normal);
-    EXPECT_NEAR(farthest_beyond(prism, surface), 0, kFew) << k;
-    EXPECT_NEAR(length(subtract(point_at(ends.axis, nearest_on(ends.axis, middle)), middle)), 0, 1e-9) << k;
-    if (!pierces(ends, prism)) {
-      ++apart;
-      EXPECT_NEAR(distance, searched_distance(prism, ends.axis), 1e-7) << k;
-      const double own =
-          std::min(nearest_surface(prism, ends.at[0]).distance, nearest_surface(prism, ends.at[1]).distance);
-      if (distance < own - 1e-6) ++between;
-    } else {
-      ++pierced;
-      for (int turn = 0; turn < 300; ++turn) {
-        EXPECT_GE(way_along(prism, ends, random_direction(random)), way - kFew);
-        const Point near = added(deepest.normal, scaled(.05, random_direction(random)));
-        EXPECT_GE(way_along(prism, ends, scaled(1 / length(near), near)), way - kFew);
-      }
-    }
-  }
-  EXPECT_GT(apart, 500);
-  EXPECT_GT(pierced, 500);
-  EXPECT_GT(between, 100);
-}
 
 /// Heights of a field of 5 by 7, cells of .2 by .1.
 struct Ground {
@@ -159,10 +43,9 @@ TEST(FieldGrid, ItsTrianglesTileThePlaneAndFollowHeights) {
   }
   Index prisms = 0;
   double volume = 0;
-  slope.grid().for_each_prism({-1, -1, -1}, {1, 1, 1}, [&](const FieldPrism<double>& prism) {
+  slope.grid().for_each_top({-1, -1, -1}, {1, 1, 1}, [&](const Triangle3<double>& top) {
     ++prisms;
-    const auto& c = prism.corner;
-    volume += .01 * ((c[0].z + c[1].z + c[2].z) / 3 + .3);
+    volume += .01 * ((top.a.z + top.b.z + top.c.z) / 3 + .3);
   });
   EXPECT_EQ(prisms, 4 * 6 * 2);
   EXPECT_NEAR(volume, 1.2 * .4 * .6, kFew);
@@ -178,8 +61,8 @@ TEST(FieldGrid, ABoxHasThePrismsOfItsCellsThatReachUpToIt) {
     const Point high{std::max(a.x, b.x), std::max(a.y, b.y), low.z + 1};
     const auto corners_of = [&](const Point& from, const Point& to, bool has_all) {
       std::vector<double> found;
-      rough.grid().for_each_prism(from, to, [&](const FieldPrism<double>& prism) {
-        const auto& [p, q, r] = std::tie(prism.corner[0], prism.corner[1], prism.corner[2]);
+      rough.grid().for_each_top(from, to, [&](const Triangle3<double>& top) {
+        const auto& [p, q, r] = top;
         const bool is_apart = std::min({p.x, q.x, r.x}) > high.x || std::max({p.x, q.x, r.x}) < low.x ||
                               std::min({p.y, q.y, r.y}) > high.y || std::max({p.y, q.y, r.y}) < low.y ||
                               std::max({p.z, q.z, r.z}) < low.z;
@@ -216,7 +99,11 @@ std::vector<ContactCandidate<double>> points_of(const Ground& ground, const Shap
   Shape placed = shape;
   placed.centre = added(frame.centre, along(frame.axes, shape.centre));
   for (Point* axis : {&placed.axes.x, &placed.axes.y, &placed.axes.z}) *axis = along(frame.axes, *axis);
-  const FieldPoints<double> found = points_on_field(ground.grid(), frame, placed, pair);
+  const FieldGrid<double> grid = ground.grid();
+  FieldTouch<double> touch(grid, pair, placed);
+  touch.add(0, frame, placed);
+  touch.finish();
+  const FieldPoints<double>& found = touch.points(0, frame);
   if (is_full != nullptr) *is_full = found.is_full;
   std::vector<ContactCandidate<double>> points(found.at, found.at + found.count);
   for (auto& point : points) {
@@ -294,8 +181,8 @@ TEST(FieldPoints, WithoutRoomTheDeepestStayAndItIsSaid) {
   const Ground rough([](double x, double y) { return .05 * std::sin(40 * x) * std::sin(60 * y) + .05; });
   const Shape ball = shape_of(ShapeKind::sphere, {.3, 0, 0}, {.05, .02, .3});
   std::vector<double> depths;
-  rough.grid().for_each_prism({-1, -1, -1}, {1, 1, 1}, [&](const FieldPrism<double>& prism) {
-    const double depth = .3 - nearest_surface(prism, ball.centre).distance;
+  rough.grid().for_each_top({-1, -1, -1}, {1, 1, 1}, [&](const Triangle3<double>& top) {
+    const double depth = .3 - nearest_surface(FieldPrism<double>(top, -.3), ball.centre).distance;
     if (depth > -.01) depths.push_back(depth);
   });
   std::sort(depths.rbegin(), depths.rend());
@@ -310,6 +197,49 @@ TEST(FieldPoints, WithoutRoomTheDeepestStayAndItIsSaid) {
     expected += depths[k];
   }
   EXPECT_NEAR(sum, expected, kFew);
+}
+
+std::array<std::uint64_t, 7> bits_of(const ContactCandidate<double>& c) {
+  const auto bits = [](double x) { return stiction::bits_of(x); };
+  return {bits(c.point.x),  bits(c.point.y),  bits(c.point.z), bits(c.normal.x),
+          bits(c.normal.y), bits(c.normal.z), bits(c.depth)};
+}
+
+TEST(FieldPoints, LanesHaveThePointsOfTheirShapesAlone) {
+  using Wide = Pack<double, 4>;
+  std::mt19937_64 random(13);
+  std::uniform_real_distribution<double> height(0, .2);
+  const Ground rough([&](double, double) { return height(random); });
+  const FieldGrid<double> grid = rough.grid();
+  const Shape frame = shape_of(ShapeKind::box, {0, 0, 0}, {.1, -.2, .3});
+  ArticulatedPairData<double> pair{};
+  pair.points = kMostFieldPoints;
+  pair.margin = .02;
+  std::map<Index, int> lanes_with;  // so many points
+  for (int k = 0; k < 200; ++k) {
+    Shape shapes[4];
+    for (Shape& shape : shapes) {
+      const Point turn = random_point(random, 1);
+      shape = shape_of(k % 3 == 0 ? ShapeKind::sphere : ShapeKind::capsule, {.04, .12, 0},
+                       added(Point{.1, -.2, .4}, random_point(random, .3)),
+                       normalised(Quaternion<double>{1, turn.x, turn.y, turn.z}));
+    }
+    FieldTouch<Wide> together(grid, pair, shapes[0]);
+    for (int lane : {0, 1, 3}) together.add(lane, frame, shapes[lane]);
+    together.finish();
+    EXPECT_EQ(together.points(2, frame).count, 0);
+    for (int lane : {0, 1, 3}) {
+      FieldTouch<double> alone(grid, pair, shapes[lane]);
+      alone.add(0, frame, shapes[lane]);
+      alone.finish();
+      const auto &one = alone.points(0, frame), &other = together.points(lane, frame);
+      ASSERT_EQ(one.count, other.count) << k;
+      EXPECT_EQ(one.is_full, other.is_full) << k;
+      for (Index i = 0; i < one.count; ++i) EXPECT_EQ(bits_of(one.at[i]), bits_of(other.at[i])) << k;
+      ++lanes_with[one.count];
+    }
+  }
+  for (Index count : {0, 1, 2, 4, 8}) EXPECT_GT(lanes_with[count], 5) << count;
 }
 
 }  // namespace

@@ -8,7 +8,6 @@ namespace stiction::inline STICTION_ISA {
 template <class Types>
 struct RobotProbe {
   using Wide = typename Types::Wide;
-  using T = Scalar<Wide>;
   const Robots<Wide>& robots;
   const ArticulatedProbeView& to;
   const VelocityWorkspace<Types>* workspace;
@@ -18,7 +17,7 @@ struct RobotProbe {
   Offset env;
 
   [[nodiscard]] STICTION_HD double number(const Wide& value) const {
-    return static_cast<double>(reinterpret_cast<const T*>(&value)[lane]);
+    return static_cast<double>(number_in(value, lane));
   }
   STICTION_HD void copy(const Wide* from, Index count, double* array) const {
     for (Index k = 0; k < count; ++k) array[env * count + k] = number(from[k]);

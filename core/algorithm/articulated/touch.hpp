@@ -136,11 +136,31 @@ STICTION_HD void touch_round(const Robots<Real>& robots, const ArticulatedPairDa
   put(1, are_parallel, upper.s, upper.t);
 }
 
+/// Lanes in which no axis of a box parts it from something round by the margin.
+template <class Real, class T>
+STICTION_HD Mask<Real> are_near_faces(const Robots<Real>& robots, const ArticulatedPairData<T>& pair) {
+  constexpr T kMore = T(1.0001);  // than rounding
+  const auto &round = robots.model.geom[pair.geom_a], &box = robots.model.geom[pair.geom_b];
+  const Axes3<Real>& axes = robots.work.geom_axes[pair.geom_b];
+  const Vector3<Real> apart = subtract(robots.work.geom_position[pair.geom_a], robots.work.geom_position[pair.geom_b]);
+  const T half = round.kind == GeomKind::capsule ? round.size[1] : T(0);
+  auto near = Real(0) == Real(0);
+  for (Index k = 0; k < 3; ++k) {
+    const Vector3<Real> own = axis(axes, k);
+    const Real reach = fma_(Real(half), abs_(dot(own, robots.work.geom_axes[pair.geom_a].z)),
+                            Real(round.size[0] + box.size[k] + pair.margin));
+    near = and_(near, abs_(dot(own, apart)) < Real(kMore) * reach);
+  }
+  return near;
+}
+
 /// A box and all but a plane.
 template <class Real, class T>
 STICTION_HD void touch_box(const Robots<Real>& robots, const ArticulatedPairData<T>& pair) {
   for (Index k = 0; k < pair.points; ++k) robots.work.is_point[pair.first + k] = 0;
-  const auto near = are_near(robots, pair);
+  auto near = are_near(robots, pair);
+  if (!has_three_axes(robots.model.geom[pair.geom_a].kind) && any(near))
+    near = and_(near, are_near_faces(robots, pair));
   if (any(near)) touch_box_by_lane(robots, pair, near);
 }
 

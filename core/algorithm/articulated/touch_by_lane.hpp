@@ -1,5 +1,6 @@
 #pragma once
 
+#include "core/algorithm/articulated/lane_numbers.hpp"
 #include "core/algorithm/articulated/workspace.hpp"
 #include "core/algorithm/collision/manifold.hpp"
 
@@ -11,17 +12,15 @@ template <class Real>
 STICTION_HD PlacedShape<Scalar<Real>> shape_in(const Robots<Real>& robots, Index g, int lane) {
   using T = Scalar<Real>;
   const auto& geom = robots.model.geom[g];
-  const auto number = [&](const Real& value) { return reinterpret_cast<const T*>(&value)[lane]; };
-  const auto vector = [&](const Vector3<Real>& v) { return Vector3<T>{number(v.x), number(v.y), number(v.z)}; };
   const Axes3<Real>& axes = robots.work.geom_axes[g];
   const bool has_axes = has_three_axes(geom.kind);
   const ShapeKind kind = has_axes                         ? ShapeKind::box
                          : geom.kind == GeomKind::capsule ? ShapeKind::capsule
                                                           : ShapeKind::sphere;
-  const Vector3<T> z = vector(axes.z);
+  const Vector3<T> z = vector_in(axes.z, lane);
   return {kind,
-          vector(robots.work.geom_position[g]),
-          {has_axes ? vector(axes.x) : z, has_axes ? vector(axes.y) : z, z},
+          vector_in(robots.work.geom_position[g], lane),
+          {has_axes ? vector_in(axes.x, lane) : z, has_axes ? vector_in(axes.y, lane) : z, z},
           {geom.size[0], geom.size[1], geom.size[2]}};
 }
 
@@ -39,17 +38,11 @@ STICTION_HD_OUTLINE void touch_by_lane(const Robots<Real>& robots, const Articul
   }
   for (int lane = 0; lane < kLanes; ++lane) {
     if (!is_set(near, lane)) continue;
-    const auto found = find(lane);
-    const auto put = [&](Real& to, T number) { reinterpret_cast<T*>(&to)[lane] = number; };
-    const auto put3 = [&](Vector3<Real>& to, const Vector3<T>& v) {
-      put(to.x, v.x);
-      put(to.y, v.y);
-      put(to.z, v.z);
-    };
+    const auto& found = find(lane);
     for (Index k = 0; k < found.count && k < pair.points; ++k) {
-      put(work.distance[pair.first + k], -found.at[k].depth);
-      put3(work.point[pair.first + k], found.at[k].point);
-      put3(work.normal[pair.first + k], found.at[k].normal);
+      put_number(work.distance[pair.first + k], lane, -found.at[k].depth);
+      put_vector(work.point[pair.first + k], lane, found.at[k].point);
+      put_vector(work.normal[pair.first + k], lane, found.at[k].normal);
     }
   }
   for (Index k = 0; k < pair.points; ++k) {

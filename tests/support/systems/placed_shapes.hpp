@@ -24,6 +24,12 @@ inline Point random_direction(std::mt19937_64& random) {
   return scaled(1 / length(p), p);
 }
 
+inline Point random_point(std::mt19937_64& random, double size) {
+  std::uniform_real_distribution<double> place(-size, size);
+  const double x = place(random), y = place(random), z = place(random);
+  return {x, y, z};
+}
+
 inline Shape shape_of(ShapeKind kind, std::array<double, 3> size, Point centre = {0, 0, 0},
                       Quaternion<double> turn = {1, 0, 0, 0}) {
   return {kind, centre, axes_of(turn), {size[0], size[1], size[2]}};

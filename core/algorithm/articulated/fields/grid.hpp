@@ -56,9 +56,9 @@ struct FieldGrid {
     return is_above;
   }
 
-  /// f(prism) of all whose top is above `low` in cells that a box reaches into, rows first.
+  /// f(top) of all prisms whose top is above `low` in cells that a box reaches into, rows first.
   template <class F>
-  STICTION_HD void for_each_prism(const Vector3<T>& low, const Vector3<T>& high, F&& f) const {
+  STICTION_HD void for_each_top(const Vector3<T>& low, const Vector3<T>& high, F&& f) const {
     if (low.x > field.half[0] || high.x < -field.half[0] || low.y > field.half[1] || high.y < -field.half[1]) return;
     const Index last_row = cell_at(1, high.y), last_column = cell_at(0, high.x);
     for (Index row = cell_at(1, low.y); row <= last_row; ++row)
@@ -66,7 +66,7 @@ struct FieldGrid {
         for (Index half = 0; half < 2; ++half) {
           const Triangle3<T> top = triangle(row, column, half);
           if (top.a.z < low.z && top.b.z < low.z && top.c.z < low.z) continue;
-          f(FieldPrism<T>(top, -field.base));
+          f(top);
         }
   }
 };
