@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
 """Control steps a second of 64 environments by engine="lanes" beside Gymnasium's own vector environments.
 
-    PYTHONPATH=build/python bench/studies/vector_envs.py [--tasks Ant Humanoid] [--envs 64]
+    PYTHONPATH=build/python bench/studies/vector_envs.py [--tasks Ant Humanoid] [--envs 64] [--bare]
 
-By the wall's clock, on all cores, actions drawn beforehand. Each way has two turns, in either order. Lanes solve to 1e-6 in
-f64 and 1e-4 in f32; Gymnasium's Ants are stepped by mj_step. Bare ways step simulations alone, without rewards, contact
+By the wall's clock, on all cores, and by the processor's time of this process, which the workers of async are not in. All
+ways take the same actions, drawn beforehand, from the same states. Each has two turns, in either order. Lanes solve to 1e-6
+in f64 and 1e-4 in f32; Gymnasium's Ants are stepped by mj_step. Bare ways step simulations alone, without rewards, contact
 forces and ends of episodes. Beside lanes these are MuJoCo 4's mujoco.batch and PyPI's mjbatch, where installed.
 """
 
@@ -76,32 +77,37 @@ def ways_of(task, count):
     return {**ways, **bare_ways(task, count)}
 
 
-def steps_per_second(envs, steps):
+def measure(envs, steps=100):
+    """Control steps a second by the clock, and microseconds of the processor for each."""
     envs.reset(seed=1)
     rng = np.random.default_rng(0)
     actions = rng.uniform(-1, 1, (steps, *envs.action_space.shape)).astype(np.float32)
     for action in actions[:5]:
         envs.step(action)
-    begin = time.perf_counter()
+    begin, busy = time.perf_counter(), time.process_time()
     for action in actions:
         envs.step(action)
-    return len(actions) * envs.num_envs / (time.perf_counter() - begin)
+    count = steps * envs.num_envs
+    return count / (time.perf_counter() - begin), (time.process_time() - busy) / count * 1e6
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--tasks", nargs="+", default=["Ant", "Humanoid"])
     parser.add_argument("--envs", type=int, default=64)
+    parser.add_argument("--bare", action="store_true", help="bare ways alone")
     options = parser.parse_args()
     for task in options.tasks:
-        ways = ways_of(task, options.envs)
-        rates = {name: [] for name in ways}
+        ways = bare_ways(task, options.envs) if options.bare else ways_of(task, options.envs)
+        turns = {name: [] for name in ways}
         for name in [*ways, *reversed(ways)]:
             envs = ways[name]()
-            rates[name].append(steps_per_second(envs, 100 if "lanes" in name else 20))
+            turns[name].append(measure(envs))
             envs.close()
-        print(f"{task}: " + ", ".join(f"{name} {min(found):.0f} to {max(found):.0f}" for name, found in rates.items()),
-              flush=True)
+        for name, found in turns.items():
+            rates, busy = zip(*found)
+            print(f"{task}, {name}: {min(rates):.0f} to {max(rates):.0f} a second, {min(busy):.1f} to {max(busy):.1f} us",
+                  flush=True)
 
 
 if __name__ == "__main__":
