@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""A quadruped of one's own learns to walk: PPO of Stable-Baselines3 over robots in lanes, then judged by mj_step.
+"""A quadruped of one's own learns to walk over rubble: PPO of Stable-Baselines3 over robots in lanes, judged by mj_step.
 
     examples/python/14_quadruped.py [--steps 3000000] [--envs 256] [--csv FILE] [--save FILE.zip]
 
@@ -32,17 +32,13 @@ MODEL = pathlib.Path(__file__).parents[1] / "data" / "models" / "quadruped_rough
 SPEED, FRAMES, EPISODE = 0.7, 5, 500  # forward [m/s]; steps of 4 ms an action; actions an episode
 
 
-def flat_model():
-    """The robot of quadruped_rough.xml on a plane, which its parts touch, and not each other."""
+def rough_model():
+    """The robot of quadruped_rough.xml and its rubble, laid out five times along x and three times along y."""
     spec = mujoco.MjSpec.from_file(str(MODEL))
-    for geom in list(spec.geoms):
-        if geom.classname.name == "stone":
-            spec.delete(geom)
-        elif geom.name == "ground":
-            geom.type, geom.hfieldname, geom.size = mujoco.mjtGeom.mjGEOM_PLANE, "", [0, 0, 1]
-            geom.contype, geom.conaffinity = 1, 2
-        else:
-            geom.contype, geom.conaffinity = 2, 1
+    field = spec.hfield("rubble")
+    field.userdata = np.tile(np.reshape(field.userdata, (24, 24)), (3, 5)).ravel()
+    field.nrow, field.ncol, field.size[:2] = 72, 120, [7.5, 4.5]
+    spec.geom("ground").pos = [6, 0, 0]
     return spec.compile()
 
 
@@ -80,10 +76,10 @@ class Task:
 
 
 class Quadrupeds(gymnasium.vector.VectorEnv):
-    """Quadrupeds in lanes, no two alike: masses within 15 %, friction of the ground from 0.5 to 1.2."""
+    """Quadrupeds in lanes, no two alike: masses within 15 %, friction from 0.5 to 1.2, and where on the rubble they start."""
 
     def __init__(self, count, seed=0):
-        model = flat_model()
+        model = rough_model()
         self.num_envs, self.autoreset_mode = count, AutoresetMode.SAME_STEP
         self.metadata = {"autoreset_mode": self.autoreset_mode}
         self.single_observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (45,), np.float32)
@@ -101,6 +97,7 @@ class Quadrupeds(gymnasium.vector.VectorEnv):
         simulation, count = self.simulation, int(which.sum())
         simulation.reset(np.flatnonzero(which))
         simulation.qpos[which] = self.task.stand
+        simulation.qpos[which, 0] = self.rng.uniform(-1, 5, count)
         simulation.qpos[which, 7:] += self.rng.uniform(-0.1, 0.1, (count, self.action.shape[1]))
         simulation.qvel[which] = self.rng.uniform(-0.2, 0.2, (count, simulation.qvel.shape[1]))
         self.action[which], self.age[which] = 0, 0
@@ -156,7 +153,7 @@ class Curve(BaseCallback):
 
 def walk_by_mj_step(policy, seconds=10):
     """Distance that the policy walks with MuJoCo's own steps in that time [m], and how long it stays up [s]."""
-    model = flat_model()
+    model = rough_model()
     task, data, action = Task(model), mujoco.MjData(model), np.zeros((1, model.nu))
     data.qpos[:] = task.stand
     for step in range(round(seconds / (FRAMES * model.opt.timestep))):

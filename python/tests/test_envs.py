@@ -291,7 +291,7 @@ def test_the_quadruped_of_the_tutorial_starts_again_and_is_seen_alike_by_mj_step
             assert terminations[3] and np.allclose(seen[3, 2], -1, atol=0.1)
         if step == 40:
             assert truncations[5] and not terminations[5]
-    model = example["flat_model"]()
+    model = example["rough_model"]()
     task, data = envs.task, mujoco.MjData(model)
     data.qpos[:], data.qvel[:] = envs.simulation.qpos[1], envs.simulation.qvel[1]
     assert np.allclose(task.observe(data.qpos[None], data.qvel[None], envs.action[1:2]), seen[1:2], atol=1e-5)

@@ -56,7 +56,7 @@ def test_a_robot_of_ones_own(monkeypatch):
     names = run("a_robot_of_ones_own.md", least=2)
     assert names["robots"].solved.all()
     framework("stable_baselines3", "the model of the example beside the tutorial is")
-    example = runpy.run_path(str(ROOT / "examples" / "python" / "14_quadruped.py"))["flat_model"]()
+    example = runpy.run_path(str(ROOT / "examples" / "python" / "14_quadruped.py"))["rough_model"]()
     saved = [np.empty(mujoco.mj_sizeModel(model), np.uint8) for model in (names["model"], example)]
     for model, buffer in zip((names["model"], example), saved):
         mujoco.mj_saveModel(model, None, buffer)
