@@ -6,6 +6,7 @@
 
 #include "core/base/extents.hpp"
 #include "core/base/fp_env.hpp"
+#include "core/base/runs.hpp"
 #include "core/machine/articulated_machine.hpp"
 #include "core/runtime/articulated/articulated_model.hpp"
 #include "core/runtime/articulated/varied_arrays.hpp"
@@ -60,6 +61,8 @@ struct ArticulatedBatch<Real>::Parts {
         touched(at(envs)) {
     for (Offset env = 0; env < envs; ++env) qpos.insert(qpos.end(), model.qpos0().begin(), model.qpos0().end());
     for (auto* array : {&qvel, &qacc, &applied}) array->resize(at(envs * view.dof_count));
+    time.resize(at(envs));
+    timestep = description.timestep;
     ctrl.resize(at(envs * view.actuator_count));
     for (std::size_t k = 0; k < kObservedArrays && how.observes_bodies; ++k) {
       observed[k].resize(at(envs * view.observed_width[k]));
@@ -84,6 +87,7 @@ struct ArticulatedBatch<Real>::Parts {
             qpos.data(),
             qvel.data(),
             qacc.data(),
+            time.data(),
             ctrl.data(),
             applied.data(),
             nullptr,
@@ -94,13 +98,49 @@ struct ArticulatedBatch<Real>::Parts {
             nullptr,
             options.observes_bodies ? observed_data.data() : nullptr,
             options.varies.empty() ? nullptr : varied_data.data(),
-            false};
+            false,
+            timestep};
+  }
+  /// Arrays of the host.
+  [[nodiscard]] ArticulatedView<Real> all() {
+    ArticulatedView<Real> arrays{qpos.data(),   qvel.data(),   ctrl.data(), applied.data(), qacc.data(), time.data(),
+                                 status.data(), observed_data, {}};
+    for (std::size_t k = 0; k < kVariedArrays; ++k) arrays.varied[k] = varied[k].data();
+    return arrays;
   }
   /// Steps, or does what a job says, in all environments or those of a mask.
-  void run(ArticulatedJob<Real> job, Index count, std::span<const std::uint8_t> active) {
+  void run(ArticulatedJob<Real> job, Index count, std::span<const std::uint8_t> active, StreamRef stream) {
     if (!active.empty()) expect_length("active", active.size(), at(env_count), "one byte per environment");
     if (!active.empty()) job.active = active.data();
-    machine->step(job, env_count, count);
+    machine->step(job, env_count, count, stream);
+  }
+  /// An array as steps have left it.
+  template <class T>
+  std::span<T> open(std::vector<T>& array) {
+    machine->fetch(array.data());
+    return array;
+  }
+  /// Gives each of some environments a row, or zeros.
+  template <class T>
+  void fill(std::vector<T>& array, Index width, std::size_t begin, std::size_t end, StreamRef stream,
+            const T* rows = nullptr) {
+    const std::size_t numbers = at(width);
+    if (numbers > 0)
+      machine->overwrite(array.data() + begin * numbers, rows, (end - begin) * numbers * sizeof(T), MemorySpace::host,
+                         stream);
+  }
+  void reset(std::span<const std::uint8_t> mask, StreamRef stream) {
+    std::size_t longest = 0;
+    for_each_run(mask, [&](std::size_t begin, std::size_t end) { longest = larger_of(longest, end - begin); });
+    std::vector<Real> first;
+    for (std::size_t k = 0; k < longest; ++k) first.insert(first.end(), model.qpos0().begin(), model.qpos0().end());
+    for_each_run(mask, [&](std::size_t begin, std::size_t end) {
+      fill(qpos, view.q_count, begin, end, stream, first.data());
+      for (auto* array : {&qvel, &qacc, &applied}) fill(*array, view.dof_count, begin, end, stream);
+      fill(ctrl, view.actuator_count, begin, end, stream);
+      fill(time, 1, begin, end, stream);
+    });
+    machine->synchronize();  // `first` ends here
   }
 
   ArticulatedOptions options;
@@ -109,6 +149,8 @@ struct ArticulatedBatch<Real>::Parts {
   ArticulatedModelView<Real> view;
   std::unique_ptr<ArticulatedMachine<Real>> machine;
   std::vector<Real> qpos, qvel, qacc, ctrl, applied;
+  std::vector<double> time;
+  double timestep;
   std::array<std::vector<Real>, kObservedArrays> observed;
   std::array<Real*, kObservedArrays> observed_data{};
   std::array<std::vector<Real>, kVariedArrays> varied;
@@ -138,18 +180,40 @@ template <class Real>
 ArticulatedBatch<Real>& ArticulatedBatch<Real>::operator=(ArticulatedBatch&&) noexcept = default;
 
 template <class Real>
-void ArticulatedBatch<Real>::step(Index count, std::span<const std::uint8_t> active) {
+void ArticulatedBatch<Real>::step(Index count, std::span<const std::uint8_t> active, StreamRef stream) {
   const ScopedFpEnv fp_env;
   if (count < 0) refuse("count = " + std::to_string(count) + ": must be >= 0");
-  parts_->run(parts_->job(), count, active);
+  parts_->run(parts_->job(), count, active, stream);
 }
 
 template <class Real>
-void ArticulatedBatch<Real>::forward(std::span<const std::uint8_t> active) {
+void ArticulatedBatch<Real>::forward(std::span<const std::uint8_t> active, StreamRef stream) {
   const ScopedFpEnv fp_env;
   ArticulatedJob<Real> job = parts_->job();
   job.is_still = true;
-  parts_->run(job, 1, active);
+  parts_->run(job, 1, active, stream);
+}
+
+template <class Real>
+void ArticulatedBatch<Real>::reset(std::span<const std::uint8_t> mask, StreamRef stream) {
+  expect_length("mask", mask.size(), at(parts_->env_count), "one byte per environment");
+  parts_->reset(mask, stream);
+}
+
+template <class Real>
+void ArticulatedBatch<Real>::copy_ctrl(const Real* ctrl, StreamRef stream) {
+  std::vector<Real>& to = parts_->ctrl;
+  if (!to.empty()) parts_->machine->overwrite(to.data(), ctrl, to.size() * sizeof(Real), MemorySpace::cuda, stream);
+}
+
+template <class Real>
+ArticulatedView<Real> ArticulatedBatch<Real>::view() {
+  return parts_->machine->view(parts_->all());
+}
+
+template <class Real>
+void ArticulatedBatch<Real>::synchronize() const {
+  parts_->machine->synchronize();
 }
 
 template <class Real>
@@ -174,33 +238,37 @@ ArticulatedProbe ArticulatedBatch<Real>::probe() {
   job.probe = &view;
   job.observed = nullptr;
   job.is_still = true;
-  parts_->run(job, 1, {});
+  parts_->run(job, 1, {}, StreamRef::default_stream());
   return found;
 }
 
 template <class Real>
 std::span<Real> ArticulatedBatch<Real>::qpos() {
-  return parts_->qpos;
+  return parts_->open(parts_->qpos);
 }
 template <class Real>
 std::span<Real> ArticulatedBatch<Real>::qvel() {
-  return parts_->qvel;
+  return parts_->open(parts_->qvel);
 }
 template <class Real>
 std::span<Real> ArticulatedBatch<Real>::ctrl() {
-  return parts_->ctrl;
+  return parts_->open(parts_->ctrl);
 }
 template <class Real>
 std::span<Real> ArticulatedBatch<Real>::qfrc_applied() {
-  return parts_->applied;
+  return parts_->open(parts_->applied);
 }
 template <class Real>
 std::span<Real> ArticulatedBatch<Real>::qacc() {
-  return parts_->qacc;
+  return parts_->open(parts_->qacc);
+}
+template <class Real>
+std::span<double> ArticulatedBatch<Real>::time() {
+  return parts_->open(parts_->time);
 }
 template <class Real>
 std::span<Real> ArticulatedBatch<Real>::observed(ObservedArray array) {
-  return parts_->observed[static_cast<std::size_t>(array)];
+  return parts_->open(parts_->observed[static_cast<std::size_t>(array)]);
 }
 template <class Real>
 Index ArticulatedBatch<Real>::observed_width(ObservedArray array) const {
@@ -208,7 +276,7 @@ Index ArticulatedBatch<Real>::observed_width(ObservedArray array) const {
 }
 template <class Real>
 std::span<Real> ArticulatedBatch<Real>::varied(VariedArray array) {
-  return parts_->varied[static_cast<std::size_t>(array)];
+  return parts_->open(parts_->varied[static_cast<std::size_t>(array)]);
 }
 template <class Real>
 Index ArticulatedBatch<Real>::varied_width(VariedArray array) const {
@@ -216,13 +284,14 @@ Index ArticulatedBatch<Real>::varied_width(VariedArray array) const {
 }
 template <class Real>
 std::span<const EnvStatus> ArticulatedBatch<Real>::status() const {
-  return parts_->status;
+  return parts_->open(parts_->status);
 }
 
 template <class Real>
 std::uint64_t ArticulatedBatch<Real>::hash() const {
-  std::vector<Real> all = parts_->qpos;
-  all.insert(all.end(), parts_->qvel.begin(), parts_->qvel.end());
+  const std::span<const Real> q = parts_->open(parts_->qpos), v = parts_->open(parts_->qvel);
+  std::vector<Real> all(q.begin(), q.end());
+  all.insert(all.end(), v.begin(), v.end());
   return hash_bits(std::span<const Real>(all));
 }
 

@@ -136,11 +136,7 @@ struct ArticulatedTendonTermData {
   T coefficient;
 };
 
-/// How many arrays ObservedArray names.
-inline constexpr std::size_t kObservedArrays = 8;
-
-/// How many arrays VariedArray names, and a set of them: a bit for each.
-inline constexpr std::size_t kVariedArrays = 8;
+/// A set of arrays that VariedArray names: a bit for each.
 using VariedSet = unsigned;
 constexpr VariedSet bit_of(VariedArray array) {
   return 1U << static_cast<unsigned>(array);
@@ -262,6 +258,7 @@ template <class T>
 struct ArticulatedJob {
   ArticulatedModelView<T> model;
   T *qpos, *qvel, *qacc;
+  double* time;
   const T *ctrl, *qfrc_applied;
   const std::uint8_t* active;  ///< null: all
   EnvStatus* status;
@@ -272,6 +269,7 @@ struct ArticulatedJob {
   T* const* observed;                 ///< arrays in the order of ObservedArray; null: none is kept
   const T* const* varied;             ///< in the order of VariedArray; null, or null there: the model's
   bool is_still;                      ///< accelerations are computed, and no step is made
+  double timestep;                    ///< that time goes on by
 };
 
 /// f(numbers of an environment, array of each job) of the arrays that steps read, and of those that they write, too.
@@ -285,6 +283,7 @@ void for_each_state_array(const ArticulatedModelView<T>& model, F&& f, Jobs&... 
   f(model.q_count, jobs.qpos...);
   f(model.dof_count, jobs.qvel...);
   f(model.dof_count, jobs.qacc...);
+  f(Index{1}, jobs.time...);
   f(Index{1}, jobs.status...);
 }
 

@@ -6,13 +6,24 @@
 
 namespace stiction {
 
-/// Steps robots whose arrays are in host memory.
+/// Steps robots. Jobs name arrays in host memory, always the same but for masks and probes. A device has them in its
+/// own memory, and the host's are copies.
 template <class Real>
 class ArticulatedMachine {
  public:
   virtual ~ArticulatedMachine() = default;
-  /// `count` steps of all environments, or what a probe asks for.
-  virtual void step(const ArticulatedJob<Real>& job, Offset env_count, Index count) = 0;
+  /// `count` steps of all environments, or what a probe asks for, queued on a stream of the device.
+  virtual void step(const ArticulatedJob<Real>& job, Offset env_count, Index count, StreamRef stream) = 0;
+  /// The host's array that begins there is as steps have left it. What is written in it until the next call of step,
+  /// overwrite or view reaches the steps.
+  virtual void fetch(const void*) {}
+  /// Bytes from `array` on, within one of the host's arrays, are those of `from` for the steps to come; null: zeros.
+  /// `from` is in host memory, or in the device's.
+  virtual void overwrite(void* array, const void* from, std::size_t bytes, MemorySpace space, StreamRef stream) = 0;
+  /// The arrays that steps read and write, in memory of the device. `host` are the host's.
+  virtual ArticulatedView<Real> view(const ArticulatedView<Real>& host) { return host; }
+  /// Returns when all that was queued is done.
+  virtual void synchronize() {}
 };
 
 template <class Real>

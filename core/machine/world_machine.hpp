@@ -47,18 +47,6 @@ class WorldMachine {
 /// of.
 void check_near_pairs(Offset near, Offset env);
 
-/// f(first environment, one past the last) for each run of environments in a mask.
-template <class F>
-void for_each_run(std::span<const std::uint8_t> mask, F&& f) {
-  std::size_t begin = 0;
-  while (begin < mask.size()) {
-    std::size_t end = begin;
-    while (end < mask.size() && mask[end] != 0) ++end;
-    if (end > begin) f(begin, end);
-    begin = end + 1;
-  }
-}
-
 /// `model` must outlive the machine.
 template <class Real>
 std::unique_ptr<WorldMachine<Real>> make_cpu_world_machine(const WorldModelView<Real>& model, Offset env_count,

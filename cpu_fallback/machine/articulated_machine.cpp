@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <cstdint>
+#include <cstring>
 #include <numeric>
 #include <vector>
 
@@ -80,7 +81,7 @@ class CpuArticulatedMachine final : public ArticulatedMachine<Real> {
         kernels_(cpu::of_precision<Real>(cpu::best_isa().articulated())),
         scratch_(at(threads_)) {}
 
-  void step(const ArticulatedJob<Real>& job, Offset env_count, Index count) override {
+  void step(const ArticulatedJob<Real>& job, Offset env_count, Index count, StreamRef) override {
     const bool is_whole = job.active == nullptr;
     if (steps_left_ <= 0 || !is_whole || !was_whole_) steps_left_ = 0;
     was_whole_ = is_whole;
@@ -96,6 +97,12 @@ class CpuArticulatedMachine final : public ArticulatedMachine<Real> {
       count -= now;
       steps_left_ = job.touched == nullptr ? 0 : steps_left_ - now;
     }
+  }
+  void overwrite(void* array, const void* from, std::size_t bytes, MemorySpace, StreamRef) override {
+    if (from == nullptr)
+      std::memset(array, 0, bytes);
+    else
+      std::memcpy(array, from, bytes);
   }
 
  private:

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/base/extents.hpp"
+#include "core/base/runs.hpp"
 #include "cpu_fallback/tables/isa.hpp"
 #include "cpu_fallback/threads/thread_pool.hpp"
 

@@ -1,6 +1,7 @@
 #include "cuda/machine/articulated_machine.hpp"
 
 #include <array>
+#include <string>
 #include <utility>
 
 #include "core/base/extents.hpp"
@@ -8,6 +9,8 @@
 #include "cuda/api/mover.hpp"
 #include "cuda/kernels/robots_program.hpp"
 #include "cuda/machine/memory_limits.hpp"
+#include "cuda/machine/resident_arrays.hpp"
+#include "stiction/error.hpp"
 
 namespace stiction::cuda {
 
@@ -20,21 +23,42 @@ class DeviceArticulatedMachine final : public ArticulatedMachine<Real> {
                            Offset most_bytes)
       : api_(std::move(api)),
         kernel_(api_->robot_kernels().step[sizeof(Real) == sizeof(float) ? 0 : 1]),
-        stream_(*api_) {
+        done_(*api_),
+        arrays_(*api_) {
     build_robot_tree(job.model, tree_);
     args_.job = job;
     args_.env_count = env_count;
     find_room(most_bytes);
     place_arrays(job);
+    list_arrays(job);
     api_->prepare(kernel_, shape_);
-    queue_all(*api_, stream_.get(), [&] {
+    queue_all(*api_, stream_, [&] {
       copy_model(job.model);
-      api_->synchronize(stream_.get());
+      arrays_.queue_all_to_device(stream_);
+      api_->synchronize(stream_);
     });
   }
+  ~DeviceArticulatedMachine() override {
+    try {
+      api_->synchronize(stream_);
+    } catch (const Error&) {
+      return;  // the device is lost, and nothing runs on it
+    }
+  }
 
-  void step(const ArticulatedJob<Real>& job, Offset, Index count) override {
+  void step(const ArticulatedJob<Real>& job, Offset, Index count, StreamRef stream) override {
     if (args_.env_count == 0 || count == 0) return;
+    const bool is_captured = api_->capturing(stream.handle());
+    if (is_captured) {
+      if (arrays_.has_changes() || job.active != nullptr || job.probe != nullptr)
+        throw Error(ErrorCode::invalid_argument,
+                    "stream is being captured: give no mask, and call view() before, which "
+                    "takes changed spans over");
+      arrays_.share();
+    } else {
+      follow(stream);
+      arrays_.give_back(stream_);
+    }
     RobotsArgs<Real> args = args_;
     args.steps = count;
     args.job.tolerance = job.tolerance;
@@ -43,19 +67,47 @@ class DeviceArticulatedMachine final : public ArticulatedMachine<Real> {
     if (job.active == nullptr) args.job.active = nullptr;
     if (job.observed == nullptr) args.job.observed = nullptr;
     ArticulatedProbeView probe;
-    const DeviceMemory probed = make_probe(job, probe);
-    args.job.probe = reinterpret_cast<const ArticulatedProbeView*>(probed.get());
-    queue_all(*api_, stream_.get(), [&] {
-      copy_in(job);
+    const DeviceMemory probed = make_probe(job, probe, args.job);
+    if (job.probe == nullptr) arrays_.note_work();
+    queue_all(*api_, stream.handle(), [&] {
+      Mover mover(*api_, stream.handle());
+      mover.to_device(args.job.active, job.active, args_.env_count);
+      if (job.active != nullptr) api_->synchronize(stream.handle());  // the mask is the caller's
       if (job.probe != nullptr) {
-        api_->fill_zero(probed.get(), probed.bytes(), stream_.get());
-        Mover(*api_, stream_.get()).to_device(args.job.probe, &probe, 1);
+        api_->fill_zero(probed.get(), probed.bytes(), stream.handle());
+        mover.to_device(args.job.probe, &probe, 1);
       }
-      api_->launch(kernel_, shape_, &args, stream_.get());
-      copy_out(job, probe);
-      api_->synchronize(stream_.get());
+      api_->launch(kernel_, shape_, &args, stream.handle());
+      if (job.probe != nullptr) fetch_probe(job, probe);
+      if (!is_captured) api_->record(done_.get(), stream.handle());
     });
   }
+
+  void fetch(const void* array) override { arrays_.open(array, stream_); }
+  void overwrite(void* array, const void* from, std::size_t bytes, MemorySpace space, StreamRef stream) override {
+    follow(stream);
+    arrays_.give_back(stream_);
+    arrays_.overwrite(array, from, bytes, space == MemorySpace::host ? CopyKind::to_device : CopyKind::on_device,
+                      stream_);
+    api_->record(done_.get(), stream_);
+  }
+  ArticulatedView<Real> view(const ArticulatedView<Real>&) override {
+    arrays_.give_back(stream_);
+    arrays_.share();
+    const ArticulatedJob<Real>& job = args_.job;
+    ArticulatedView<Real> there{job.qpos,
+                                job.qvel,
+                                const_cast<Real*>(job.ctrl),
+                                const_cast<Real*>(job.qfrc_applied),
+                                job.qacc,
+                                job.time,
+                                job.status,
+                                observed_,
+                                {}};
+    for (std::size_t k = 0; k < kVariedArrays; ++k) there.varied[k] = const_cast<Real*>(varied_[k]);
+    return there;
+  }
+  void synchronize() override { api_->synchronize(stream_); }
 
  private:
   /// Teams as many as there is work, memory and room on the device for.
@@ -97,7 +149,7 @@ class DeviceArticulatedMachine final : public ArticulatedMachine<Real> {
 
   /// Everything that no step changes.
   void copy_model(const ArticulatedModelView<Real>& model) {
-    Mover mover(*api_, stream_.get());
+    Mover mover(*api_, stream_);
     for_each_model_array(
         model, [&](Offset elements, auto* there, auto* here) { mover.to_device(there, here, elements); },
         args_.job.model, model);
@@ -106,48 +158,61 @@ class DeviceArticulatedMachine final : public ArticulatedMachine<Real> {
     mover.to_device(args_.tree, &tree_, 1);
   }
 
-  void copy_in(const ArticulatedJob<Real>& job) {
+  /// Names the host's arrays beside the device's.
+  void list_arrays(const ArticulatedJob<Real>& job) {
     const Offset envs = args_.env_count;
-    Mover mover(*api_, stream_.get());
-    const auto copy = [&](Offset width, auto* there, auto* here) { mover.to_device(there, here, envs * width); };
-    for_each_input_array(job.model, copy, args_.job, job);
-    for_each_state_array(job.model, copy, args_.job, job);
+    constexpr const char* kInputs[] = {"ctrl", "qfrc_applied"};
+    constexpr const char* kStates[] = {"qpos", "qvel", "qacc", "time", "status"};
+    const char* const* name = kInputs;
+    const auto add_input = [&](Offset width, auto* there, auto* here) {
+      arrays_.add(*name++, here, there, envs * width, false);
+    };
+    for_each_input_array(job.model, add_input, args_.job, job);
+    name = kStates;
+    const auto add_state = [&](Offset width, auto* there, auto* here) {
+      arrays_.add(*name++, here, there, envs * width, true);
+    };
+    for_each_state_array(job.model, add_state, args_.job, job);
     for (std::size_t k = 0; k < kObservedArrays && job.observed != nullptr; ++k)
-      copy(job.model.observed_width[k], observed_[k], job.observed[k]);
+      arrays_.add("observed " + std::to_string(k), job.observed[k], observed_[k], envs * job.model.observed_width[k],
+                  true);
     for (std::size_t k = 0; k < kVariedArrays && job.varied != nullptr; ++k)
-      copy(job.model.varied_width[k], varied_[k], job.varied[k]);
-    copy(1, args_.job.active, job.active);
-  }
-  void copy_out(const ArticulatedJob<Real>& job, const ArticulatedProbeView& probe) {
-    const Offset envs = args_.env_count;
-    Mover mover(*api_, stream_.get());
-    const auto copy = [&](Offset width, auto* there, auto* here) { mover.to_host(here, there, envs * width); };
-    for_each_state_array(job.model, copy, args_.job, job);
-    for (std::size_t k = 0; k < kObservedArrays && job.observed != nullptr; ++k)
-      copy(job.model.observed_width[k], observed_[k], job.observed[k]);
-    if (job.probe != nullptr)
-      for_each_probe_array(
-          job.model, envs, [&](Offset elements, auto* there, auto* here) { mover.to_host(here, there, elements); },
-          probe, *job.probe);
+      arrays_.add("varied " + std::to_string(k), job.varied[k], varied_[k], envs * job.model.varied_width[k], false);
   }
 
-  /// Memory for what a job is probed for: the view itself, then its arrays.
-  DeviceMemory make_probe(const ArticulatedJob<Real>& job, ArticulatedProbeView& there) {
+  /// What is queued on this stream from now on comes after what was queued before.
+  void follow(StreamRef stream) {
+    if (stream.handle() == stream_) return;
+    api_->wait(stream.handle(), done_.get());
+    stream_ = stream.handle();
+  }
+
+  /// Memory for what a job is probed for: the view itself, its arrays, and records that nothing reads.
+  DeviceMemory make_probe(const ArticulatedJob<Real>& job, ArticulatedProbeView& there, ArticulatedJob<Real>& asked) {
     if (job.probe == nullptr) return {};
     there = *job.probe;
     ArraySet set;
-    ArticulatedProbeView* first = nullptr;
-    set.add(first, 1);
+    set.add(asked.probe, 1);
+    set.add(asked.status, args_.env_count);
     for_each_probe_array(
         job.model, args_.env_count, [&](Offset elements, auto*& array) { set.add(array, elements); }, there);
     DeviceMemory memory(*api_, set.bytes());
     set.place(memory.get());
     return memory;
   }
+  void fetch_probe(const ArticulatedJob<Real>& job, const ArticulatedProbeView& probe) {
+    Mover mover(*api_, stream_);
+    for_each_probe_array(
+        job.model, args_.env_count,
+        [&](Offset elements, auto* there, auto* here) { mover.to_host(here, there, elements); }, probe, *job.probe);
+    api_->synchronize(stream_);
+  }
 
   std::shared_ptr<DeviceApi> api_;
   KernelRef kernel_;
-  Stream stream_;
+  StreamHandle stream_ = nullptr;  ///< of the last steps
+  Event done_;                     ///< after the last of them
+  ResidentArrays arrays_;
   RobotTree tree_;
   RobotsArgs<Real> args_{};  ///< with pointers to the device's memory
   LaunchShape shape_;

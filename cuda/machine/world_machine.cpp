@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "core/base/extents.hpp"
+#include "core/base/runs.hpp"
 #include "cuda/api/mover.hpp"
 #include "cuda/kernels/world_program.hpp"
 

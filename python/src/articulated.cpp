@@ -9,13 +9,15 @@
 #include <mutex>
 #include <span>
 #include <string>
-#include <string_view>
+#include <type_traits>
 #include <utility>
 #include <variant>
 #include <vector>
 
 #include "python/src/array.hpp"
+#include "python/src/names.hpp"
 #include "python/src/signal_check.hpp"
+#include "python/src/solver.hpp"
 
 namespace nb = nanobind;
 
@@ -35,6 +37,16 @@ constexpr std::pair<const char*, VariedArray> kVariedNames[] = {
     {"actuator_bias", VariedArray::actuator_bias}, {"dof_damping", VariedArray::dof_damping},
     {"dof_armature", VariedArray::dof_armature},   {"dof_frictionloss", VariedArray::dof_friction_loss}};
 
+/// Arrays by the names that MuJoCo has for them.
+constexpr std::pair<const char*, ObservedArray> kObservedNames[] = {{"xpos", ObservedArray::xpos},
+                                                                    {"xipos", ObservedArray::xipos},
+                                                                    {"cinert", ObservedArray::cinert},
+                                                                    {"cvel", ObservedArray::cvel},
+                                                                    {"qfrc_actuator", ObservedArray::qfrc_actuator},
+                                                                    {"cfrc_ext", ObservedArray::cfrc_ext},
+                                                                    {"ten_length", ObservedArray::ten_length},
+                                                                    {"ten_velocity", ObservedArray::ten_velocity}};
+
 /// Values of those of the names that are there.
 std::vector<VariedArray> varied_of(const std::vector<std::string>& names) {
   std::vector<VariedArray> found;
@@ -49,87 +61,78 @@ class SharedRobots {
  public:
   SharedRobots(const ArticulatedDescription& description, Offset env_count, double tolerance, Index max_iterations,
                int threads, bool observes, const std::vector<std::string>& varies, bool wide, const std::string& device)
-      : robots_(made(Device::from_string(device), description, env_count,
-                     {tolerance, max_iterations, threads, observes, varied_of(varies)}, wide)) {}
+      : device_(Device::from_string(device)),
+        robots_(made(device_, description, env_count, {tolerance, max_iterations, threads, observes, varied_of(varies)},
+                     wide)) {}
 
-  void step(std::int64_t count, const Array* active) {
-    const std::span<const std::uint8_t> mask = mask_of(active);
-    const nb::gil_scoped_release unlocked;
-    const std::lock_guard lock(mutex_);
-    std::visit(
-        [&](auto& robots) {
-          SignalCheck signals;
-          // Robots of a pack make all steps of a call at once, so a long call is made of shorter ones.
-          constexpr std::int64_t kMost = 16;
-          for (std::int64_t done = 0; done < count; done += kMost) {
-            robots.step(static_cast<Index>(count - done < kMost ? count - done : kMost), mask);
-            signals.look();
-          }
-        },
-        robots_);
+  void step(std::int64_t count, const Array* active, std::uintptr_t stream) {
+    visit([=, mask = mask_of("active", active)](auto& robots) {
+      SignalCheck signals;
+      // Robots of a pack make all steps of a call at once, so a long call is made of shorter ones.
+      constexpr std::int64_t kMost = 16;
+      for (std::int64_t done = 0; done < count; done += kMost) {
+        robots.step(static_cast<Index>(count - done < kMost ? count - done : kMost), mask, stream_from(stream));
+        signals.look();
+      }
+    });
   }
 
-  void forward(const Array* active) {
-    const std::span<const std::uint8_t> mask = mask_of(active);
-    const nb::gil_scoped_release unlocked;
-    const std::lock_guard lock(mutex_);
-    std::visit([&](auto& robots) { robots.forward(mask); }, robots_);
+  void forward(const Array* active, std::uintptr_t stream) {
+    visit([=, mask = mask_of("active", active)](auto& robots) { robots.forward(mask, stream_from(stream)); });
+  }
+  void reset(const Array& mask, std::uintptr_t stream) {
+    visit([=, chosen = mask_of("mask", &mask)](auto& robots) { robots.reset(chosen, stream_from(stream)); });
+  }
+  /// Controls of the package's checks, in memory of the device.
+  void copy_ctrl(const Array& ctrl, std::uintptr_t stream) {
+    visit([&]<class Real>(ArticulatedBatch<Real>& robots) {
+      robots.copy_ctrl(static_cast<const Real*>(ctrl.data()), stream_from(stream));
+      if (device_.kind == DeviceKind::emulated) robots.synchronize();  // its queue holds no array
+    });
   }
 
-  /// An array of the batch as a NumPy array over its memory, which may be written.
-  nb::object array(nb::handle self, const char* name) {
-    return std::visit(
-        [&]<class Real>(ArticulatedBatch<Real>& robots) {
-          const std::string_view of = name;
-          const std::span<Real> values = of == "qpos"   ? robots.qpos()
-                                         : of == "qvel" ? robots.qvel()
-                                         : of == "ctrl" ? robots.ctrl()
-                                         : of == "qacc" ? robots.qacc()
-                                                        : robots.qfrc_applied();
-          const auto envs = static_cast<std::size_t>(robots.env_count());
-          const auto width = static_cast<std::size_t>(of == "qpos"   ? robots.q_count()
-                                                      : of == "ctrl" ? robots.actuator_count()
-                                                                     : robots.dof_count());
-          return nb::cast(nb::ndarray<nb::numpy, Real, nb::ndim<2>>(values.data(), {envs, width}, self));
-        },
-        robots_);
+  /// An array of the batch by name, in host memory as steps have left it: NumPy's, which may be written. On a device it
+  /// is a copy.
+  nb::object array(nb::handle self, const std::string& name) {
+    Found found{};
+    visit([&]<class Real>(ArticulatedBatch<Real>& robots) {
+      found = find(robots, name, static_cast<const ArticulatedView<Real>*>(nullptr));
+    });
+    return cast<nb::numpy>(self, found, {});
   }
-
-  /// An observed array (envs, width), over the batch's memory, which may be written.
-  nb::object observed(nb::handle self, ObservedArray which) {
-    return std::visit(
-        [&](auto& robots) { return view_of(self, robots, robots.observed(which), robots.observed_width(which)); },
-        robots_);
+  /// Memory of the device that steps read and write, with what was written in arrays of the host: what DLPack takes.
+  nb::object memory(nb::handle self, const std::string& name, const std::vector<std::size_t>& shape) {
+    Found found{};
+    visit([&]<class Real>(ArticulatedBatch<Real>& robots) {
+      const ArticulatedView<Real> there = robots.view();
+      robots.synchronize();
+      found = find(robots, name, &there);
+      is_shared_ = true;
+    });
+    return cast<nb::array_api>(self, found, shape);
   }
-  /// Constants of environments, likewise.
-  nb::object varied(nb::handle self, VariedArray which) {
-    return std::visit(
-        [&](auto& robots) { return view_of(self, robots, robots.varied(which), robots.varied_width(which)); }, robots_);
+  void synchronize() {
+    visit([](auto& robots) { robots.synchronize(); });
   }
-
-  /// Records of the last step as bytes (envs, 32), over the batch's memory.
-  nb::object status(nb::handle self) {
-    return std::visit(
-        [&](auto& robots) {
-          const auto records = robots.status();
-          const auto* const bytes = reinterpret_cast<const std::uint8_t*>(records.data());
-          using Bytes = nb::ndarray<nb::numpy, const std::uint8_t, nb::ndim<2>>;
-          return nb::cast(Bytes(bytes, {records.size(), sizeof(EnvStatus)}, self));
-        },
-        robots_);
+  /// Arrays of the host were written: who shares the device's memory is to see it.
+  void give_back() {
+    visit([&](auto& robots) {
+      if (!is_shared_) return;
+      static_cast<void>(robots.view());
+      robots.synchronize();
+    });
   }
+  [[nodiscard]] Device device() const { return device_; }
 
   std::uint64_t hash() {
-    return std::visit([](auto& robots) { return robots.hash(); }, robots_);
+    std::uint64_t bits = 0;
+    visit([&](auto& robots) { bits = robots.hash(); });
+    return bits;
   }
 
   nb::dict probe() {
     ArticulatedProbe found;
-    {
-      const nb::gil_scoped_release unlocked;
-      const std::lock_guard lock(mutex_);
-      found = std::visit([](auto& robots) { return robots.probe(); }, robots_);
-    }
+    visit([&](auto& robots) { found = robots.probe(); });
     nb::dict to;
     const auto copy = [&](const char* name, const auto& values) {
       using Number = typename std::decay_t<decltype(values)>::value_type;
@@ -156,16 +159,77 @@ class SharedRobots {
   }
 
  private:
+  /// An array by name, and how many numbers an environment has in it.
+  enum class Numbers : std::uint8_t { real, seconds, record };
+  struct Found {
+    void* data;
+    std::size_t width;
+    Numbers numbers;
+  };
+  /// `there`: the arrays in memory of the device; null: those of the host.
   template <class Real>
-  static nb::object view_of(nb::handle self, const ArticulatedBatch<Real>& robots, std::span<Real> values,
-                            Index width) {
-    using Numbers = nb::ndarray<nb::numpy, Real, nb::ndim<2>>;
-    return nb::cast(
-        Numbers(values.data(), {static_cast<std::size_t>(robots.env_count()), static_cast<std::size_t>(width)}, self));
+  static Found find(ArticulatedBatch<Real>& robots, const std::string& name, const ArticulatedView<Real>* there) {
+    using Robots = ArticulatedBatch<Real>;
+    using View = ArticulatedView<Real>;
+    struct State {
+      const char* name;
+      std::span<Real> (Robots::*host)();
+      Real* View::* there;
+      Index (Robots::*width)() const;
+    };
+    constexpr State kStates[] = {{"qpos", &Robots::qpos, &View::qpos, &Robots::q_count},
+                                 {"qvel", &Robots::qvel, &View::qvel, &Robots::dof_count},
+                                 {"ctrl", &Robots::ctrl, &View::ctrl, &Robots::actuator_count},
+                                 {"qfrc_applied", &Robots::qfrc_applied, &View::qfrc_applied, &Robots::dof_count},
+                                 {"qacc", &Robots::qacc, &View::qacc, &Robots::dof_count}};
+    for (const State& one : kStates)
+      if (name == one.name)
+        return {there != nullptr ? there->*one.there : (robots.*one.host)().data(),
+                static_cast<std::size_t>((robots.*one.width)()), Numbers::real};
+    for (const auto& [known, which] : kObservedNames)
+      if (name == known)
+        return {there != nullptr ? there->observed[static_cast<std::size_t>(which)] : robots.observed(which).data(),
+                static_cast<std::size_t>(robots.observed_width(which)), Numbers::real};
+    for (const auto& [known, which] : kVariedNames)
+      if (name == known)
+        return {there != nullptr ? there->varied[static_cast<std::size_t>(which)] : robots.varied(which).data(),
+                static_cast<std::size_t>(robots.varied_width(which)), Numbers::real};
+    if (name == "time") return {there != nullptr ? there->time : robots.time().data(), 1, Numbers::seconds};
+    if (name == "status")
+      return {there != nullptr ? there->status : const_cast<EnvStatus*>(robots.status().data()), sizeof(EnvStatus),
+              Numbers::record};
+    throw nb::value_error(("array: expected one of a batch of robots, got " + name).c_str());
   }
-  static std::span<const std::uint8_t> mask_of(const Array* active) {
-    if (active == nullptr) return {};
-    return {active->read<std::uint8_t>("active"), static_cast<std::size_t>(active->size())};
+
+  /// An array of that shape, or else (envs, width), of NumPy's type, or of one that only has DLPack.
+  template <class Framework>
+  nb::object cast(nb::handle self, const Found& found, std::vector<std::size_t> shape) {
+    constexpr bool kOnHost = std::is_same_v<Framework, nb::numpy>;
+    const int type = !kOnHost && device_.kind == DeviceKind::cuda ? nb::device::cuda::value : nb::device::cpu::value;
+    return std::visit(
+        [&]<class Real>(const ArticulatedBatch<Real>& robots) {
+          if (shape.empty()) shape = {static_cast<std::size_t>(robots.env_count()), found.width};
+          const auto made = [&]<class T>(T) {
+            return nb::cast(nb::ndarray<Framework, T>(found.data, shape.size(), shape.data(), self, nullptr,
+                                                      nb::dtype<T>(), type, kOnHost ? 0 : device_.ordinal));
+          };
+          if (found.numbers == Numbers::seconds) return made(double{});
+          if (found.numbers == Numbers::record) return made(std::uint8_t{});
+          return made(Real{});
+        },
+        robots_);
+  }
+
+  /// Lets Python go on while a call runs, after those of other threads.
+  template <class Call>
+  void visit(const Call& call) {
+    const nb::gil_scoped_release unlocked;
+    const std::lock_guard lock(mutex_);
+    std::visit(call, robots_);
+  }
+  static std::span<const std::uint8_t> mask_of(const char* name, const Array* mask) {
+    if (mask == nullptr) return {};
+    return {mask->read<std::uint8_t>(name), static_cast<std::size_t>(mask->size())};
   }
   using Either = std::variant<ArticulatedBatch<float>, ArticulatedBatch<double>>;
   static Either made(Device device, const ArticulatedDescription& description, Offset env_count,
@@ -175,7 +239,9 @@ class SharedRobots {
   }
 
   std::mutex mutex_;
+  Device device_;
   Either robots_;
+  bool is_shared_ = false;  ///< another library has memory of the device
 };
 
 void bind_description(nb::module_& module) {
@@ -273,31 +339,6 @@ void bind_description(nb::module_& module) {
           nb::kw_only(), nb::arg("tendon"), nb::arg("joint"), nb::arg("coefficient"));
 }
 
-/// Arrays by the names that MuJoCo has for them.
-constexpr std::pair<const char*, ObservedArray> kObservedNames[] = {{"xpos", ObservedArray::xpos},
-                                                                    {"xipos", ObservedArray::xipos},
-                                                                    {"cinert", ObservedArray::cinert},
-                                                                    {"cvel", ObservedArray::cvel},
-                                                                    {"qfrc_actuator", ObservedArray::qfrc_actuator},
-                                                                    {"cfrc_ext", ObservedArray::cfrc_ext},
-                                                                    {"ten_length", ObservedArray::ten_length},
-                                                                    {"ten_velocity", ObservedArray::ten_velocity}};
-
-nb::dict observed_of(nb::handle self) {
-  nb::dict found;
-  for (const auto& [name, which] : kObservedNames) found[name] = nb::cast<SharedRobots&>(self).observed(self, which);
-  return found;
-}
-
-/// Arrays of constants by name, of the names given.
-nb::dict varied_by_name(nb::handle self, const std::vector<std::string>& names) {
-  nb::dict found;
-  for (const auto& [name, which] : kVariedNames)
-    for (const std::string& one : names)
-      if (one == name) found[name] = nb::cast<SharedRobots&>(self).varied(self, which);
-  return found;
-}
-
 }  // namespace
 
 void bind_articulated(nb::module_& module) {
@@ -307,12 +348,20 @@ void bind_articulated(nb::module_& module) {
                     bool, const std::string&>(),
            nb::arg("description"), nb::arg("env_count"), nb::arg("tolerance"), nb::arg("max_iterations"),
            nb::arg("threads"), nb::arg("observes"), nb::arg("varies"), nb::arg("wide"), nb::arg("device"))
-      .def("step", &SharedRobots::step, nb::arg("count") = 1, nb::arg("active").none() = nb::none())
-      .def("forward", &SharedRobots::forward, nb::arg("active").none() = nb::none())
-      .def("observed", &observed_of)
-      .def("varied", &varied_by_name)
-      .def("array", [](nb::handle self, const char* name) { return nb::cast<SharedRobots&>(self).array(self, name); })
-      .def("status", [](nb::handle self) { return nb::cast<SharedRobots&>(self).status(self); })
+      .def("step", &SharedRobots::step, nb::arg("count") = 1, nb::arg("active").none() = nb::none(),
+           nb::arg("stream") = 0)
+      .def("forward", &SharedRobots::forward, nb::arg("active").none() = nb::none(), nb::arg("stream") = 0)
+      .def("reset", &SharedRobots::reset, nb::arg("mask"), nb::arg("stream"))
+      .def("copy_ctrl", &SharedRobots::copy_ctrl, nb::arg("ctrl"), nb::arg("stream"))
+      .def("give_back", &SharedRobots::give_back)
+      .def("synchronize", &SharedRobots::synchronize)
+      .def("array",
+           [](nb::handle self, const std::string& name) { return nb::cast<SharedRobots&>(self).array(self, name); })
+      .def("memory",
+           [](nb::handle self, const std::string& name, const std::vector<std::size_t>& shape) {
+             return nb::cast<SharedRobots&>(self).memory(self, name, shape);
+           })
+      .def_prop_ro("device", [](const SharedRobots& self) { return name_of(self.device()); })
       .def("hash", &SharedRobots::hash)
       .def("probe", &SharedRobots::probe);
 }

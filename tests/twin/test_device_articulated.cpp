@@ -10,13 +10,13 @@
 #include <string>
 #include <vector>
 
-#include "core/runtime/articulated/articulated_model.hpp"
 #include "cuda/kernels/robots_program.hpp"
 #include "cuda/machine/articulated_machine.hpp"
 #include "stiction/error.hpp"
 #include "tests/support/bits.hpp"
 #include "tests/support/golden/robots.hpp"
 #include "tests/support/machines/counting_device.hpp"
+#include "tests/support/machines/device_robots.hpp"
 #include "tests/support/systems/heap.hpp"
 
 /// Robots on the emulated device: what the GPU's host code queues gives the CPU's bits. The golden rows are computed
@@ -27,50 +27,6 @@ namespace {
 using cuda::DeviceCall;
 using cuda::EmulatedDevice;
 using cuda::EmulatedDeviceOptions;
-
-/// A batch of walkers, of which each has constants of its own if the options name any.
-template <class Real>
-ArticulatedBatch<Real> robots_on(Device device, const ArticulatedDescription& model, Offset envs,
-                                 const ArticulatedOptions& options) {
-  ArticulatedBatch<Real> robots(device, model, envs, options);
-  std::vector<Offset> all(static_cast<std::size_t>(envs));
-  std::iota(all.begin(), all.end(), Offset{0});
-  if (robots.actuator_count() == 2) put_states(robots, all);
-  for (std::size_t k = 0; k < robots.qvel().size(); ++k) robots.qvel()[k] = static_cast<Real>(number(k));
-  for (std::size_t k = 0; k < robots.qfrc_applied().size(); ++k)
-    robots.qfrc_applied()[k] = static_cast<Real>(number(k + 77));
-  for (const VariedArray array : options.varies) {
-    const std::span<Real> numbers = robots.varied(array);
-    for (std::size_t k = 0; k < numbers.size(); ++k) numbers[k] *= static_cast<Real>(1 + 0.25 * number(k));
-  }
-  return robots;
-}
-
-/// Everything that a call may have written.
-template <class Real>
-void expect_same(ArticulatedBatch<Real>& expected, ArticulatedBatch<Real>& found) {
-  EXPECT_TRUE(same_bits<Real>(expected.qpos(), found.qpos()));
-  EXPECT_TRUE(same_bits<Real>(expected.qvel(), found.qvel()));
-  EXPECT_TRUE(same_bits<Real>(expected.qacc(), found.qacc()));
-  EXPECT_TRUE(same_bits(expected.status(), found.status()));
-  for (std::size_t k = 0; k < kObservedArrays; ++k) {
-    const auto array = static_cast<ObservedArray>(k);
-    EXPECT_TRUE(same_bits<Real>(expected.observed(array), found.observed(array))) << "observed " << k;
-  }
-}
-
-ArticulatedOptions observing(std::vector<VariedArray> varies = {}) {
-  return {1e-5, 100, 1, true, std::move(varies)};
-}
-/// All constants, but those that a free body beside the walker may not have.
-std::vector<VariedArray> varied_of(const ArticulatedDescription& model) {
-  std::vector<VariedArray> all{VariedArray::body_mass, VariedArray::body_inertia, VariedArray::pair_friction,
-                               VariedArray::actuator_gain, VariedArray::actuator_bias};
-  if (!model.is_implicit_fast)
-    for (const VariedArray one : {VariedArray::dof_damping, VariedArray::dof_armature, VariedArray::dof_friction_loss})
-      all.push_back(one);
-  return all;
-}
 
 template <class Real>
 void expect_twins(const ArticulatedDescription& model, const ArticulatedOptions& options, Index steps) {
@@ -137,7 +93,7 @@ TEST(DeviceArticulated, BrokenAndInactiveEnvironmentsStayAsOnTheCpu) {
       const std::span<double> xpos = robots->observed(ObservedArray::xpos);
       std::fill(xpos.begin(), xpos.end(), -1);
       robots->step(2, active);
-      EXPECT_EQ(xpos[kLeft * xpos.size() / static_cast<std::size_t>(kEnvs)], -1);
+      EXPECT_EQ(robots->observed(ObservedArray::xpos)[kLeft * xpos.size() / static_cast<std::size_t>(kEnvs)], -1);
       EXPECT_EQ(robots->status()[kLeft].solver, EnvStatus{}.solver);
     }
     expect_same(here, there);
@@ -162,36 +118,6 @@ TEST(DeviceArticulated, BrokenAndInactiveEnvironmentsStayAsOnTheCpu) {
   }
 }
 
-/// A job in host memory, as a batch makes it. The batch has the arrays, and does not step them.
-template <class Real>
-struct HostRobots {
-  HostRobots(const ArticulatedDescription& description, Offset envs, const ArticulatedOptions& options)
-      : model(description, 0), batch(robots_on<Real>(Device::cpu(), description, envs, options)) {
-    for (std::size_t k = 0; k < kObservedArrays; ++k)
-      observed[k] = batch.observed(static_cast<ObservedArray>(k)).data();
-    for (std::size_t k = 0; k < kVariedArrays; ++k) varied[k] = batch.varied(static_cast<VariedArray>(k)).data();
-    status.resize(static_cast<std::size_t>(envs));
-    job.model = model.view();
-    job.qpos = batch.qpos().data();
-    job.qvel = batch.qvel().data();
-    job.qacc = batch.qacc().data();
-    job.ctrl = batch.ctrl().data();
-    job.qfrc_applied = batch.qfrc_applied().data();
-    job.status = status.data();
-    job.tolerance = 1e-5;
-    job.max_iterations = 100;
-    job.observed = observed.data();
-    if (!options.varies.empty()) job.varied = varied.data();
-  }
-
-  ArticulatedModel<Real> model;
-  ArticulatedBatch<Real> batch;
-  std::array<Real*, kObservedArrays> observed;
-  std::array<const Real*, kVariedArrays> varied;
-  std::vector<EnvStatus> status;
-  ArticulatedJob<Real> job{};
-};
-
 /// Three warps of environments, the last one not full, and memory for one team, two or all.
 TEST(DeviceArticulated, LanesTeamsOrdersAndMemoryDoNotReachTheBits) {
   constexpr Offset kMany = 70;
@@ -205,8 +131,9 @@ TEST(DeviceArticulated, LanesTeamsOrdersAndMemoryDoNotReachTheBits) {
       for (const Offset most_bytes : {Offset{1}, Offset{1} << 30}) {
         SCOPED_TRACE(std::to_string(options.lanes) + " lanes, " + std::to_string(most_bytes) + " bytes");
         HostRobots<Real> own(model, kMany, observing());
-        cuda::make_device_articulated_machine(std::make_shared<EmulatedDevice>(options), own.job, kMany, most_bytes)
-            ->step(own.job, kMany, 3);
+        const auto machine = cuda::make_device_articulated_machine(std::make_shared<EmulatedDevice>(options), own.job,
+                                                                   kMany, most_bytes);
+        own.step(*machine, kMany, 3);
         EXPECT_TRUE(same_bits(expected.status(), std::span<const EnvStatus>(own.status)));
         EXPECT_TRUE(same_bits<Real>(expected.qpos(), own.batch.qpos()));
         EXPECT_TRUE(same_bits<Real>(expected.qacc(), own.batch.qacc()));
@@ -226,7 +153,7 @@ TEST(DeviceArticulated, MemoryOfLanesIsBounded) {
   const auto allocated = [&](Offset envs, Offset most_bytes, Offset& teams) {
     const auto device = std::make_shared<CountingDevice>(kGpus[0]);
     const auto machine = cuda::make_device_articulated_machine(device, job, envs, most_bytes);
-    machine->step(job, envs, 1);
+    machine->step(job, envs, 1, StreamRef::default_stream());
     teams = device->shapes.at("step_robots").teams;
     return static_cast<Offset>(device->allocated);
   };
@@ -259,7 +186,7 @@ TEST(DeviceArticulated, NoPointerOfTheHostReachesTheKernel) {
   own.job.active = active.data();
   own.job.touched = touched.data();
   const auto device = std::make_shared<CountingDevice>(kGpus[0]);
-  cuda::make_device_articulated_machine(device, own.job, 9, 1)->step(own.job, 9, 1);
+  cuda::make_device_articulated_machine(device, own.job, 9, 1)->step(own.job, 9, 1, StreamRef::default_stream());
   cuda::RobotsArgs<double> args;
   ASSERT_EQ(device->arguments.size(), sizeof(args));
   std::memcpy(&args, device->arguments.data(), sizeof(args));
@@ -272,7 +199,7 @@ TEST(DeviceArticulated, NoPointerOfTheHostReachesTheKernel) {
     EXPECT_TRUE(there[k] == 0 || (there[k] >= begin && there[k] < begin + device->allocated)) << "word " << k;
   }
   // All arrays of the model but tendons, of which it has none, and of the job but a probe.
-  EXPECT_EQ(pointers, 13 + 10);
+  EXPECT_EQ(pointers, 13 + 11);
 }
 
 TEST(DeviceArticulated, ACallIsOneLaunch) {
@@ -303,7 +230,7 @@ TEST(DeviceArticulated, ADeviceThatFailsAtAnyCallIsAnErrorAndLeaksNothing) {
       try {
         HostRobots<double> own(walker(false), 2, observing());
         const auto machine = cuda::make_device_articulated_machine(device, own.job, 2, Offset{1} << 28);
-        machine->step(own.job, 2, 1);
+        own.step(*machine, 2, 1);
         device->fail_call(call, -1);
       } catch (const Error& error) {
         failed = true;

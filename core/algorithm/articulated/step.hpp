@@ -50,6 +50,7 @@ class RobotStep {
     settle(definite & finite_state(), observes, [&](int l) {
       store_row(work_.qpos, job_.model.q_count, job_.qpos, l);
       store_row(work_.qvel, job_.model.dof_count, job_.qvel, l);
+      job_.time[envs_[l]] += job_.timestep;
     });
   }
 

@@ -205,6 +205,24 @@ struct ArticulatedProbe {
   Index most_rows = 0, most_contacts = 0;    ///< room of an environment
 };
 
+/// How many arrays ObservedArray names, and VariedArray.
+inline constexpr std::size_t kObservedArrays = 8, kVariedArrays = 8;
+
+/// Arrays of a batch where steps read and write them: in host memory on the CPU, otherwise in the device's. Null: there
+/// is none. Shapes are those of ArticulatedBatch.
+template <class Real>
+struct ArticulatedView {
+  Real* qpos;                                   ///< coordinates
+  Real* qvel;                                   ///< velocities
+  Real* ctrl;                                   ///< controls
+  Real* qfrc_applied;                           ///< further forces
+  Real* qacc;                                   ///< last accelerations
+  double* time;                                 ///< time [s]
+  EnvStatus* status;                            ///< records of the last solves
+  std::array<Real*, kObservedArrays> observed;  ///< in the order of ObservedArray
+  std::array<Real*, kVariedArrays> varied;      ///< in the order of VariedArray
+};
+
 /// Robots of one model, each in a lane of a vector, with all that a step needs. It has kinematics, inertia,
 /// forces, contacts, their solve, and the integrator (R. Featherstone, Rigid Body Dynamics Algorithms, 2008; MuJoCo
 /// documentation, "Computation"). An environment's bits depend on description, options, its own state and constants
@@ -215,7 +233,9 @@ class ArticulatedBatch {
   /// `env_count` environments at rest, with coordinates of the description. \throws Error(invalid_argument) for a
   /// description or an option out of range, Error(unsupported) for a model beyond what is stepped here.
   ArticulatedBatch(const ArticulatedDescription& description, Offset env_count, const ArticulatedOptions& options = {});
-  /// Environments that a device steps, from the arrays below and back into them at each call. No GPU has run it yet.
+  /// Environments that a device steps. Their arrays stay in its memory, and a span of them is a copy in host memory. It
+  /// is valid until the next step, forward or reset, which copies it back if it was changed. Spans of controls, forces
+  /// and constants stay valid until a reset or copy_ctrl(). No GPU has run this yet.
   /// \throws Error as above, Error(no_device) with the reason, Error(unsupported) in a build without that device.
   ArticulatedBatch(Device device, const ArticulatedDescription& description, Offset env_count,
                    const ArticulatedOptions& options = {});
@@ -225,11 +245,25 @@ class ArticulatedBatch {
 
   /// `count` steps of all environments, or of those whose byte of `active` is not 0 (env_count). An environment whose
   /// state, control or force is not finite stays where it is, with the code invalid_input. One whose own constant is
-  /// out of range stays as well. \throws Error(invalid_argument) for a negative count or another length.
-  void step(Index count = 1, std::span<const std::uint8_t> active = {});
+  /// out of range stays as well. A device is not waited for: the steps are queued on a stream, and follow those before.
+  /// Without `active` and changed spans a stream may be captured. \throws Error(invalid_argument) for a negative count
+  /// or another length.
+  void step(Index count = 1, std::span<const std::uint8_t> active = {}, StreamRef stream = StreamRef::default_stream());
   /// Computes accelerations at the present states without a step, and writes `status` and the observed arrays. States
   /// and `qacc` stay. \throws Error(invalid_argument) for another length.
-  void forward(std::span<const std::uint8_t> active = {});
+  void forward(std::span<const std::uint8_t> active = {}, StreamRef stream = StreamRef::default_stream());
+  /// Puts environments whose byte of `mask` is not 0 (env_count) into the description's state, at rest, without
+  /// controls and forces. Records, observed arrays and constants stay. \throws Error(invalid_argument) for another
+  /// length.
+  void reset(std::span<const std::uint8_t> mask, StreamRef stream = StreamRef::default_stream());
+  /// Takes controls of all environments from memory of the batch's device, in the order of a stream  (env_count,
+  /// actuator_count).
+  void copy_ctrl(const Real* ctrl, StreamRef stream = StreamRef::default_stream());
+  /// The arrays in memory of the device, for the batch's life, with what was written in spans. They may be written
+  /// between steps, in the order of the steps' stream.
+  [[nodiscard]] ArticulatedView<Real> view();
+  /// Returns when all steps are done.
+  void synchronize() const;
   /// Computes accelerations at the present states, without a step.
   [[nodiscard]] ArticulatedProbe probe();
 
@@ -237,6 +271,7 @@ class ArticulatedBatch {
   [[nodiscard]] std::span<Real> qvel();          ///< velocities                               (env_count, dof_count)
   [[nodiscard]] std::span<Real> ctrl();          ///< controls, zero at first             (env_count, actuator_count)
   [[nodiscard]] std::span<Real> qfrc_applied();  ///< further forces, zero at first            (env_count, dof_count)
+  [[nodiscard]] std::span<double> time();        ///< zero at first, and the step more after each [s]      (env_count)
   [[nodiscard]] std::span<Real> qacc();  ///< last accelerations, which solves start from  (env_count, dof_count)
   /// An array as the last step of a call, or `forward`, has left it: zero at first, empty without `observes_bodies`.
   /// It may be written, and no step reads it. An environment that stays where it is keeps its old numbers.

@@ -8,14 +8,16 @@ import numpy as np
 
 from .. import _core
 from ..core.arguments import whole
-from ..core.arrays import STATUS_DTYPE
+from ..core.arrays import STATUS_DTYPE, framework_of, take
 from ..core.solution import CODES, SOLVED
+from ..core.streams import handle_of
 from .data import check_data, count_of, numbers_of
+from .resident import array_of
 from .robots import UnsupportedModel, description, has_fixed_tendons
 from .varied import NAMES, VariedConstants, checked_names
 
 _TENDONS = ("ten_length", "ten_velocity")
-_STATE = ("qpos", "qvel", "ctrl", "qfrc_applied", "qacc")
+_STATE = ("qpos", "qvel", "ctrl", "qfrc_applied", "qacc", "time")
 _PRECISIONS = {"float64": True, "float32": False}
 
 
@@ -58,10 +60,11 @@ class LanesSimulation:
     threads: of the CPU; 0: all cores. dtype: "float64" or "float32", which has a tolerance of at least 1e-5.
     observes_bodies: keep `observed`, places, inertias, velocities and contact forces of bodies.
     varies: names of constants of which each simulation has its own, in `varied`.
-    device: "cpu", or "cuda", "cuda:1": a GPU, which copies the arrays there and back at each call. None has run it yet.
+    device: "cpu", or "cuda", "cuda:1": a GPU. Its arrays stay there, as DeviceArray, which copies what is read or written
+        on the host, and which torch.from_dlpack and others share. A step is queued and not waited for. No GPU has run it yet.
 
-    Attributes: model; time (n,); observed and varied, dicts of arrays. Arrays over the simulations' own memory may be
-    written between steps: qpos (n, nq), ctrl (n, nu), and qvel, qfrc_applied and qacc (n, nv).
+    Attributes: model; observed and varied, dicts of arrays. Arrays over the simulations' own memory may be written between
+    steps. They are qpos (n, nq), ctrl (n, nu), time (n,), and qvel, qfrc_applied and qacc (n, nv).
 
     Raises UnsupportedModel, a ValueError, for what is not stepped in lanes: the message says why.
     """
@@ -86,24 +89,24 @@ class LanesSimulation:
                                             whole("threads", threads), bool(observes_bodies),
                                             [NAMES[name] for name in varies], wide, str(device))
         self._varied = VariedConstants(model, varies, self._pairs, self._core, count)
-        self._own_model = None
-        for name in _STATE:
-            setattr(self, f"_{name}", self._core.array(name))
-        self._observed = self._observed_arrays() if observes_bodies else {}
-        self._records = self._core.status().view(STATUS_DTYPE)[:, 0]
-        self.time = np.zeros(count)
+        self._own_model, self._stream = None, 0
+        widths = dict(qpos=(model.nq,), ctrl=(model.nu,), time=())
+        self._state = {name: array_of(self._core, name, (count, *widths.get(name, (model.nv,)))) for name in _STATE}
+        self._observed = self._observed_arrays(count) if observes_bodies else {}
         self._data = StatesAsData(self)
-        self.reset()
         for i, one in enumerate(given):
             check_data(model, i, one)
             self._data._made[i] = one
-            self.take(i)
+        if given:
+            self.take()
 
-    qpos = property(lambda self: self._qpos, doc="Coordinates (n, nq); may be written.")
-    qvel = property(lambda self: self._qvel, doc="Velocities (n, nv); may be written.")
-    ctrl = property(lambda self: self._ctrl, doc="Controls (n, nu); may be written.")
-    qfrc_applied = property(lambda self: self._qfrc_applied, doc="Further forces (n, nv); may be written.")
-    qacc = property(lambda self: self._qacc, doc="Last accelerations (n, nv), which the next solves start from.")
+    qpos = property(lambda self: self._state["qpos"], doc="Coordinates (n, nq); may be written.")
+    qvel = property(lambda self: self._state["qvel"], doc="Velocities (n, nv); may be written.")
+    ctrl = property(lambda self: self._state["ctrl"], doc="Controls (n, nu); may be written.")
+    qfrc_applied = property(lambda self: self._state["qfrc_applied"], doc="Further forces (n, nv); may be written.")
+    qacc = property(lambda self: self._state["qacc"], doc="Last accelerations (n, nv), which the next solves start from.")
+    time = property(lambda self: self._state["time"], doc="Time of each simulation's state (n,); may be written.")
+    device = property(lambda self: self._core.device, doc="Name of the device.")
 
     @property
     def observed(self):
@@ -138,13 +141,13 @@ class LanesSimulation:
         return own
 
     def __len__(self):
-        return len(self.time)
+        return len(self._state["time"])
 
     def __repr__(self):
         return f"<stiction.mujoco.BatchedSimulation of {len(self)} in lanes, {self._made_by['dtype']}>"
 
     def __reduce__(self):
-        state = {name: getattr(self, name).copy() for name in (*_STATE, "time")}
+        state = {name: getattr(self, name).copy() for name in _STATE}
         for name in ("observed", "varied"):
             state[name] = {key: array.copy() for key, array in getattr(self, name).items()}
         return _remade, (self.model, len(self), self._made_by, state)
@@ -154,33 +157,51 @@ class LanesSimulation:
         """A mujoco.MjData of each simulation, filled when it is asked for: see StatesAsData."""
         return self._data
 
-    def step(self, ctrl=None, nstep=1, active=None):
-        """Advances by nstep time steps, as mujoco.mj_step does. ctrl (n, nu): set before; None: left as it is.
+    def step(self, ctrl=None, nstep=1, active=None, stream=None):
+        """Advances by nstep time steps, as mujoco.mj_step does. ctrl (n, nu): set before; None: left as it is. On a device
+        another framework's array of its memory is taken without the host.
         active: bool (n,), which simulations to step; None: all.
+        stream: of a device, as stiction.Solver.solve has it; None: the current one of ctrl's framework, else the last.
 
         A simulation with a number that is not finite, or would become so, or with a constant out of range stays where it
         is: `failed`.
-        Raises ValueError for arrays of another shape.
+        Raises TypeError or ValueError for arrays of another shape, and for those of a framework that are of another type
+        or device.
         """
-        nstep = count_of(nstep)
+        nstep, mask = count_of(nstep), self._mask_of(active)
+        self._follow(stream, ctrl)
         if ctrl is not None:
-            ctrl = np.asarray(ctrl)
-            if ctrl.shape != self.ctrl.shape:
-                raise ValueError(f"ctrl: expected {self.ctrl.shape}, got {ctrl.shape}")
-            self.ctrl[:] = ctrl
-        chosen = self._mask_of(active)
+            self._control(ctrl)
         self._varied.renew()
-        self._core.step(nstep, None if active is None else _core.Array(chosen.view(np.uint8)))
-        moved = chosen & ~self._has_failed()
-        for _ in range(nstep):  # as MuJoCo adds them up
-            self.time[moved] += self.model.opt.timestep
+        self._core.step(nstep, mask, self._stream)
 
-    def forward(self, active=None):
+    def _control(self, ctrl):
+        if self.device != "cpu" and not isinstance(ctrl, np.ndarray) and hasattr(ctrl, "__dlpack__"):
+            place = "cpu" if self.device == "emulated" else self.device
+            self._core.copy_ctrl(take("ctrl", ctrl, str(self.ctrl.dtype), self.ctrl.shape, place), self._stream)
+            return
+        ctrl = np.asarray(ctrl)
+        if ctrl.shape != self.ctrl.shape:
+            raise ValueError(f"ctrl: expected {self.ctrl.shape}, got {ctrl.shape}")
+        self.ctrl[:] = ctrl
+
+    def _follow(self, stream, ctrl=None):
+        framework = framework_of(ctrl)
+        if self.device.startswith("cuda") and (stream is not None or framework.has_streams):
+            self._stream = handle_of(stream, framework, self.device)
+
+    def forward(self, active=None, stream=None):
         """Evaluates at the present states without a step, as mujoco.mj_forward followed by mj_rnePostConstraint: fills
-        `observed` and `status`, and leaves the rest. active: bool (n,), which simulations; None: all."""
-        chosen = self._mask_of(active)
+        `observed` and `status`, and leaves the rest. active: bool (n,), which simulations; None: all. stream: as of a
+        step."""
+        mask = self._mask_of(active)
+        self._follow(stream)
         self._varied.renew()
-        self._core.forward(None if active is None else _core.Array(chosen.view(np.uint8)))
+        self._core.forward(mask, self._stream)
+
+    def synchronize(self):
+        """Returns when all steps are done: for who shares memory of a device. Reading an array here waits by itself."""
+        self._core.synchronize()
 
     def read(self, name):
         """An array of all simulations, (n, ...), a copy. State, time and `observed` arrays are there. For others, such as
@@ -194,30 +215,28 @@ class LanesSimulation:
         if self._observed and name in _TENDONS:
             raise UnsupportedModel(f'engine="lanes" does not compute {name} of tendons that are not fixed: '
                                    'use engine="mujoco"')
-        if name in (*_STATE, "time"):
+        if name in _STATE:
             return getattr(self, name).copy()
         if name == "qacc_warmstart":
             return self.qacc.copy()
         if not isinstance(getattr(self._data.made(0), name, None), np.ndarray):
             raise ValueError(f"name: expected an array of mujoco.MjData, got {name!r}")
-        return np.array([getattr(one, name) for one in self._data])
+        state = {name: np.asarray(array) for name, array in self._state.items()}
+        return np.array([getattr(self._fill(i, self._data.made(i), state), name) for i in range(len(self))])
 
     def take(self, simulations=None):
         """Reads states back from `data`, of a list of simulations, of one, or of all."""
         chosen = [simulations] if isinstance(simulations, (int, np.integer)) else numbers_of(simulations, len(self))
-        for i in chosen:
-            one = self._data.made(i)
-            for name in ("qpos", "qvel", "ctrl", "qfrc_applied"):
-                getattr(self, name)[i] = getattr(one, name)
-            self.qacc[i], self.time[i] = one.qacc_warmstart, one.time
+        made = [self._data.made(i) for i in chosen]
+        for name, array in self._state.items():
+            if chosen:
+                array[chosen] = [getattr(one, "qacc_warmstart" if name == "qacc" else name) for one in made]
 
     def reset(self, simulations=None):
         """Resets states as mujoco.mj_resetData does, of a list of simulations or of all."""
-        chosen = numbers_of(simulations, len(self))
-        self.qpos[chosen] = self.model.qpos0
-        for array in (self.qvel, self.ctrl, self.qfrc_applied, self.qacc):
-            array[chosen] = 0
-        self.time[chosen] = 0
+        mask = np.zeros(len(self), np.uint8)
+        mask[numbers_of(simulations, len(self))] = 1
+        self._core.reset(_core.Array(mask), self._stream)
 
     def reset_warm_start(self, simulations=None):
         """Lets the next solve start from no acceleration, of a list of simulations or of all."""
@@ -227,17 +246,18 @@ class LanesSimulation:
     def status(self):
         """Records of the solves of the last step or forward, one per simulation, as stiction.Solution.status; a copy. With
         RK4 the residual is the largest of four."""
-        return self._records.copy()
+        return self._records().copy()
 
     @property
     def failed(self):
         """Indices of simulations whose last step or forward was not made, because a number was not finite."""
-        return np.flatnonzero(self._has_failed())
+        code = self._records()["code"]
+        return np.flatnonzero((code == _NUMERICAL) | (code == _INVALID))
 
     @property
     def solved(self):
         """True where a simulation's last solves all met the tolerance (n,)."""
-        return self._records["code"] == SOLVED
+        return self._records()["code"] == SOLVED
 
     def hash(self):
         """Hash of all coordinates and velocities."""
@@ -260,13 +280,17 @@ class LanesSimulation:
         found["geoms"] = pairs[found.pop("pair")] if len(pairs) else np.zeros((n, contacts, 2), int)
         return found
 
-    def _observed_arrays(self):
-        widths = dict(xpos=3, xipos=3, cinert=10, cvel=6, cfrc_ext=6)  # of a body
-        arrays = self._core.observed()
-        if not has_fixed_tendons(self.model):
-            arrays = {name: array for name, array in arrays.items() if name not in _TENDONS}
-        return {name: array.reshape(len(array), self.model.nbody, widths[name]) if name in widths else array
-                for name, array in arrays.items()}
+    def _observed_arrays(self, count):
+        model = self.model
+        shapes = {name: (model.nbody, width) for name, width in
+                  dict(xpos=3, xipos=3, cinert=10, cvel=6, cfrc_ext=6).items()}
+        shapes["qfrc_actuator"] = (model.nv,)
+        if has_fixed_tendons(model):
+            shapes.update(dict.fromkeys(_TENDONS, (model.ntendon,)))
+        return {name: array_of(self._core, name, (count, *shape)) for name, shape in shapes.items()}
+
+    def _records(self):
+        return self._core.array("status").view(STATUS_DTYPE)[:, 0]
 
     def _place(self, asked, i):
         if not -len(self) <= i < len(self):
@@ -275,24 +299,23 @@ class LanesSimulation:
 
     def _mask_of(self, active):
         if active is None:
-            return np.ones(len(self), bool)
+            return None
         chosen = np.ascontiguousarray(active, bool)
         if chosen.shape != (len(self),):
             raise ValueError(f"active: expected bool ({len(self)},), got {chosen.shape}")
-        return chosen
+        return _core.Array(chosen.view(np.uint8))
 
-    def _has_failed(self):
-        return (self._records["code"] == _NUMERICAL) | (self._records["code"] == _INVALID)
-
-    def _fill(self, i, one):
+    def _fill(self, i, one, state=None):
+        state = state or self._state
         for name in ("qpos", "qvel", "ctrl", "qfrc_applied"):
-            getattr(one, name)[:] = getattr(self, name)[i]
-        one.qacc_warmstart[:], one.time = self.qacc[i], self.time[i]
+            getattr(one, name)[:] = state[name][i]
+        one.qacc_warmstart[:], one.time = state["qacc"][i], state["time"][i]
         model = self.model
         if self._varied.arrays:
             model = self._own_model = self._own_model or copy.copy(self.model)
             self._varied.put(i, model)
         mujoco.mj_forward(model, one)
+        return one
 
 
 _NUMERICAL, _INVALID = CODES.index("numerical"), CODES.index("invalid_input")

@@ -3,6 +3,7 @@
 import mujoco
 import numpy as np
 
+from .resident import array_of
 from .robots import LEAST_FRICTION, UnsupportedModel, friction_sources, has_affine_parts, is_disabled
 
 #: Names that may vary, and what the batch of robots calls them.
@@ -45,11 +46,10 @@ class VariedConstants:
 
     def __init__(self, model, names, pairs, core, count):
         self.arrays, self._translated = {}, []
-        own = core.varied([NAMES[name] for name in names])
         for name in names:
-            rows = own[NAMES[name]]
+            rows = array_of(core, NAMES[name], (count, *_shape_of(model, name, pairs)))
             if name not in _TRANSLATED:
-                self.arrays[name] = rows.reshape(count, *getattr(model, name).shape)
+                self.arrays[name] = rows
                 continue
             first = getattr(model, name)[:, :3] if name.startswith("actuator") else getattr(model, name)
             self.arrays[name] = np.repeat(first[None].astype(rows.dtype), count, axis=0)
@@ -83,20 +83,25 @@ def _simple_inertia(model, dof):
     return model.body_inertia[body] @ (model.jnt_axis[joint] ** 2 if kind == _HINGE else np.arange(3) == part % 3)
 
 
+def _shape_of(model, name, pairs):
+    """Extents of a simulation's constants in the batch."""
+    if name.startswith("actuator"):
+        return model.nu, 3
+    return (len(pairs), 5) if name.endswith("friction") else getattr(model, name).shape
+
+
 def _to_actuators(model, name, rows):
     """The first three parameters of actuators: those that the kind of an actuator leaves out are zero."""
     counts = has_affine_parts(model, name)
-    width = counts.size
 
     def translate(chosen, values):
-        rows[chosen] = np.where(counts, values, 0).reshape(len(chosen), width)
+        rows[chosen] = np.where(counts, values, 0)
     return translate
 
 
 def _to_pairs(model, name, pairs, rows):
     """Friction of pairs that may touch: the larger of two geoms', or of the one of higher priority. Explicit pairs have
     their own."""
-    rows = rows.reshape(len(rows), len(pairs), 5)
     explicit = name == "pair_friction"
     places = [p for p, (_, _, number) in enumerate(pairs) if (number is not None) == explicit]
     if explicit:
