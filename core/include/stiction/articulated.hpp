@@ -205,8 +205,10 @@ struct ArticulatedProbe {
   Index most_rows = 0, most_contacts = 0;    ///< room of an environment
 };
 
-/// How many arrays ObservedArray names, and VariedArray.
-inline constexpr std::size_t kObservedArrays = 8, kVariedArrays = 8;
+/// How many arrays ObservedArray names.
+inline constexpr std::size_t kObservedArrays = 8;
+/// How many arrays VariedArray names.
+inline constexpr std::size_t kVariedArrays = 8;
 
 /// Arrays of a batch where steps read and write them: in host memory on the CPU, otherwise in the device's. Null: there
 /// is none. Shapes are those of ArticulatedBatch.
