@@ -119,6 +119,12 @@ class Instructions:
     def op_shr(self, m, o):
         return self.named("shift_right", m, o, (1,))
 
+    def op_shf(self, m, o):
+        if m != ["l", "wrap", "b32"]:
+            return None
+        low, high, count = (self.read(one, "u32") for one in o[1:])
+        return self.write(o[0], f"u32(((u64({high}) << 32U) | {low}) << ({count} & 31U) >> 32U)", "u32")
+
     def op_bfi(self, m, o):
         return self.named("insert_bits", m, o, (2, 3))
 

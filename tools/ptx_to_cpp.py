@@ -160,11 +160,13 @@ def self_test():
 
     wrong = ["ex2.approx.f32 %f1, %f2;", "add.f32 %f1, %f2, %f3;", "fma.rz.f32 %f1, %f2, %f3, %f1;", "add.rn.ftz.f32 %f1, %f2, %f3;",
              "cvt.rni.s32.f32 %r1, %f1;", "bar.sync 1;", "shfl.sync.down.b32 %r1|%p1, %r2, 1, 31, -1;", "vote.sync.all.pred %p1, %p2, -1;",
-             "mov.u32 %r1, %clock;", "add.s32 %r1, %r9, 1;", "atom.global.cas.b32 %r1, [%rd1], %r2, %r3;"]
+             "mov.u32 %r1, %clock;", "add.s32 %r1, %r9, 1;", "atom.global.cas.b32 %r1, [%rd1], %r2, %r3;",
+             "shf.r.clamp.b32 %r1, %r2, %r3, %r4;"]
     right = {"add.rn.f32 %f1, %f2, 0f3F800000;": "f1 = (f2 + bits_as_float(0x3F800000U));",
              "@!%p1 bra $L_1; $L_1: ret;": "if (!p1) { goto _L_1; }",
              "setp.ne.f32 %p1, %f1, %f2;": "p1 = (f1 < f2 || f1 > f2);",
              "ld.shared.u32 %r1, [%rd1+-8];": "r1 = load_u32(lane.shared_address((rd1 + u64(-8LL))));",
+             "shf.l.wrap.b32 %r1, %r2, %r3, %r4;": "r1 = u32(((u64(r3) << 32U) | r2) << (r4 & 31U) >> 32U);",
              "mul.wide.s32 %rd1, %r1, 8;": "rd1 = u64(i64(i64(i32(r1)) * i64(i32(8ULL))));"}
     failed = 0
     for code in wrong:

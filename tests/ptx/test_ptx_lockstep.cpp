@@ -11,9 +11,11 @@
 #include <string>
 
 #include "cuda/kernels/jacobian_vjp_program.hpp"
+#include "cuda/kernels/robots_program.hpp"
 #include "cuda/kernels/velocity_program.hpp"
 #include "cuda/kernels/velocity_teams_program.hpp"
 #include "cuda/kernels/work_queue.hpp"
+#include "stiction/articulated.hpp"
 #include "stiction/io.hpp"
 #include "stiction/solver.hpp"
 #include "tests/ptx/replay.hpp"
@@ -22,7 +24,10 @@
 #include "tests/support/machines/device_jacobians.hpp"
 #include "tests/support/machines/on_engine.hpp"
 #include "tests/support/systems/derivative_cases.hpp"
+#include "tests/support/systems/humanoid.hpp"
 #include "tests/support/systems/jacobian_cotangents.hpp"
+#include "tests/support/systems/rough_ground.hpp"
+#include "tests/support/systems/walker_states.hpp"
 
 /// Instructions and sectors of a GPU's warps for recorded robots: costs of a kernel that show in no bit. A warp has 32
 /// different environments, or teams of its lanes have one each. `STICTION_UPDATE_COUNTS=1` writes the table instead.
@@ -127,6 +132,19 @@ std::vector<ptx::Place> queue_places(const TracedLaunch& launch) {
           place_of(args.queue.workspace, room, Memory::scratch)};
 }
 
+template <class Real>
+std::vector<ptx::Place> robot_places(const TracedLaunch& launch) {
+  const auto args = arguments_of<cuda::RobotsArgs<Real>>(launch);
+  const Offset teams = (args.env_count + cuda::kWarp - 1) / cuda::kWarp;
+  std::vector<ptx::Place> places{place_of(args.numbers, teams * args.numbers_per_team, Memory::scratch),
+                                 place_of(args.lists, teams * cuda::kWarp * args.lists_per_lane, Memory::lists)};
+  const auto add = [&](Index width, auto* array) {
+    places.push_back(place_of(array, args.env_count * width, Memory::output));
+  };
+  for_each_state_array(args.job.model, add, args.job);
+  return places;
+}
+
 /// Kernels by a part of their names, and where the arrays of their launches lie.
 struct Counted {
   const char* kernel;
@@ -134,6 +152,8 @@ struct Counted {
 };
 constexpr Counted kCounted[] = {{"VjpLanesProgram<float", vjp_lane_places<float>},
                                 {"VjpLanesProgram<double", vjp_lane_places<double>},
+                                {"StepRobots<float", robot_places<float>},
+                                {"StepRobots<double", robot_places<double>},
                                 {"SolveVelocities<float", velocity_lane_places<float>},
                                 {"SolveVelocities<double", velocity_lane_places<double>},
                                 {"SolveVelocityTeams<float", velocity_team_places<float>},
@@ -253,9 +273,52 @@ Issued npgs(const io::Recording& recording, bool by_lanes) {
   return replayed(recorded, "Npgs");
 }
 
+/// A step of robots, each of which has gone its own way for a while, or all of them one's. They have a lane each.
+template <class Real>
+Issued robots(const ArticulatedDescription& model, bool are_alike) {
+  constexpr int kStepsBefore = 60;
+  ArticulatedBatch<double> before(model, kEnvs);
+  const auto fill = [&](std::span<double> numbers, std::uint64_t seed) {
+    const std::size_t width = numbers.size() / static_cast<std::size_t>(kEnvs);
+    for (std::size_t k = 0; k < numbers.size(); ++k) numbers[k] = number(seed + (are_alike ? k % width : k));
+  };
+  fill(before.qvel(), 0);
+  fill(before.ctrl(), 5000);
+  before.step(kStepsBefore);
+  const ArticulatedOptions options{kTolerance, 100, 1};
+  ArticulatedBatch<Real> here(model, kEnvs, options), there(Device::emulated(), model, kEnvs, options);
+  for (auto* batch : {&here, &there}) {
+    const auto copy = [](std::span<const double> from, std::span<Real> to) {
+      for (std::size_t k = 0; k < from.size(); ++k) to[k] = static_cast<Real>(from[k]);
+    };
+    copy(before.qpos(), batch->qpos());
+    copy(before.qvel(), batch->qvel());
+    copy(before.qacc(), batch->qacc());
+    copy(before.ctrl(), batch->ctrl());
+  }
+  const Recorded recorded;
+  there.step();
+  there.synchronize();
+  here.step();
+  EXPECT_EQ(here.hash(), there.hash());
+  EXPECT_TRUE(same_bits(here.status(), there.status()));
+  for (const EnvStatus& one : here.status()) EXPECT_EQ(one.code, EnvCode::solved);
+  return replayed(recorded, "StepRobots");
+}
+
 constexpr const char* kRobots[] = {"g1", "humanoid", "go1", "leap_hand"};
 io::Recording robot(const char* name) {
   return io::read_batch(std::string(STICTION_PTX_FOLDER) + "/robots/" + name + ".h5");
+}
+
+struct Walk {
+  const char* name;
+  ArticulatedDescription model;
+};
+const std::vector<Walk>& walks() {
+  static const std::vector<Walk> all = {
+      {"walker", walker(true)}, {"walker on rough ground", rough_walk(true)}, {"humanoid of 27", Humanoid::make()}};
+  return all;
 }
 
 struct Count {
@@ -291,6 +354,23 @@ void print_functions(const Issued& issued) {
   }
 }
 
+/// Adds what was counted to a table, or compares it. Returns false if the table is another compiler's.
+bool holds(CountTable& table, const std::string& name, const Issued& issued) {
+  const Row found = row_of(issued);
+  std::string fields = STICTION_CUDA_COMPILER;
+  for (const double value : found) fields += "," + std::to_string(std::llround(value));
+  std::printf("%s: issued %.0f, efficiency %.2f\n", name.c_str(), found[0], issued.efficiency());
+  print_functions(issued);
+  const std::vector<std::string> allowed = table.add(name, fields);
+  if (allowed.empty()) return true;
+  EXPECT_EQ(allowed.size(), found.size() + 1) << name;
+  if (allowed.size() != found.size() + 1) return true;
+  if (allowed[0] != STICTION_CUDA_COMPILER) return false;
+  for (std::size_t k = 0; k < found.size(); ++k)
+    EXPECT_LE(found[k], (1 + kAllowed) * std::stod(allowed[k + 1]) + 1) << name << ", column " << k + 2;
+  return true;
+}
+
 TEST(PtxLockstep, WarpsIssueNoMoreThanTheyDid) {
   if (!is_run_with_kernels()) GTEST_SKIP() << "no kernels are named to execute";
   CountTable table(STICTION_PTX_FOLDER "/lockstep.csv", kHead);
@@ -299,19 +379,14 @@ TEST(PtxLockstep, WarpsIssueNoMoreThanTheyDid) {
     ASSERT_EQ(recording.batch.env_count(), kEnvs);
     for (const Count& count : counts()) {
       const std::string name = std::string(robot_name) + ": " + count.what;
-      const Issued issued = count.of(recording);
-      const Row found = row_of(issued);
-      std::string fields = STICTION_CUDA_COMPILER;
-      for (const double value : found) fields += "," + std::to_string(std::llround(value));
-      std::printf("%s: issued %.0f, efficiency %.2f\n", name.c_str(), found[0], issued.efficiency());
-      print_functions(issued);
-      const std::vector<std::string> allowed = table.add(name, fields);
-      if (allowed.empty()) continue;
-      ASSERT_EQ(allowed.size(), found.size() + 1) << name;
-      if (allowed[0] != STICTION_CUDA_COMPILER) GTEST_SKIP() << "counted with nvcc " << allowed[0];
-      for (std::size_t k = 0; k < found.size(); ++k)
-        EXPECT_LE(found[k], (1 + kAllowed) * std::stod(allowed[k + 1]) + 1) << name << ", column " << k + 2;
+      if (!holds(table, name, count.of(recording))) GTEST_SKIP() << "counted with another nvcc";
     }
+  }
+  for (const Walk& walk : walks()) {
+    const std::string name = walk.name;
+    if (!holds(table, name + ": steps f32", robots<float>(walk.model, false)) ||
+        !holds(table, name + ": steps f64", robots<double>(walk.model, false)))
+      GTEST_SKIP() << "counted with another nvcc";
   }
 }
 
@@ -323,6 +398,11 @@ TEST(PtxLockstep, AWarpOfOneEnvironmentIssuesWhatOneLaneExecutes) {
     EXPECT_GT(issued.instructions, 0U);
     EXPECT_EQ(32 * issued.instructions, issued.lanes) << name;
     std::printf("%s: issued %.0f\n", name, row_of(issued)[0]);
+  }
+  for (const Walk& walk : walks()) {
+    const Issued issued = robots<float>(walk.model, true);
+    EXPECT_EQ(32 * issued.instructions, issued.lanes) << walk.name;
+    std::printf("%s: issued %.0f\n", walk.name, row_of(issued)[0]);
   }
 }
 
