@@ -20,7 +20,7 @@ class RobotStep {
   static constexpr int kLanes = Types::kLanes;
 
   STICTION_HD RobotStep(const ArticulatedJob<T>& job, const RobotTree& tree, RobotWorkspace<Real>& work,
-                        const RobotLists<Types>& lists, const Memory& memory)
+                        RobotLists<Types>& lists, const Memory& memory)
       : job_(job), robots_{job.model, tree, work}, work_(work), lists_(lists), memory_(memory) {}
 
   /// Takes `count` <= kLanes environments in, with constants of their own, which no step changes.
@@ -177,9 +177,13 @@ class RobotStep {
     }
     const Index kept_rows = observes ? counts.rows : 0;
     for (Index row = 0; row < kept_rows; ++row) work_.reaction[row] = Real(0);
-    couple_robot(model, lists_.coupled);
-    SerialTeam alone;
-    build_tree(alone, *lists_.tree, model.dof_count, lists_.coupled, slots, counts.slots);
+    lists_.tree = &robots_.tree;
+    if (!keeps_tree<Types>(robots_.tree, slots, counts.slots)) {
+      couple_robot(model, lists_.coupled);
+      SerialTeam alone;
+      build_tree(alone, *lists_.own_tree, model.dof_count, lists_.coupled, slots, counts.slots);
+      lists_.tree = lists_.own_tree;
+    }
     const VelocityWorkspace<Types> workspace = memory_.numbers(lists_, counts);
     const RobotSource<Types> source{robots_, groups_of, job_.tolerance, job_.max_iterations,
                                     lanes,   kept_rows, records_};
@@ -256,7 +260,7 @@ class RobotStep {
   const ArticulatedJob<T>& job_;
   Robots<Real> robots_;
   RobotWorkspace<Real>& work_;
-  const RobotLists<Types>& lists_;
+  RobotLists<Types>& lists_;
   const Memory& memory_;
   RobotRecord records_[kLanes];
   Offset envs_[kLanes];
