@@ -57,7 +57,7 @@ TEST(RobotTree, RowsOfOnePathKeepItAndOthersDoNot) {
     for (Index s = 1 + below(3); s > 0; --s) {
       std::vector<Index> dofs;
       const Index last = below(12);
-      for (Index d = last; d >= 0; d = below(8) == 0 ? d - 1 : parents[static_cast<std::size_t>(d)])
+      for (Index d = last; d >= 0; d = below(4) == 0 ? d - 1 : parents[static_cast<std::size_t>(d)])
         if (below(3) > 0) dofs.insert(dofs.begin(), d);
       rows.add(dofs);
       again.add(dofs);
