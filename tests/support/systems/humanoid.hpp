@@ -6,8 +6,8 @@
 
 namespace stiction::test {
 
-/// A body of 27 degrees of freedom, of the sizes and joints of Gymnasium's humanoid: waist, hips, knees, ankles,
-/// shoulders and elbows of limited hinges with motors. Feet, shins, thighs, hands, trunk and pelvis touch a plane, and
+/// A body of 27 degrees of freedom, about as large as Gymnasium's humanoid. Waist, hips, knees, ankles, shoulders and
+/// elbows are limited hinges with motors. Feet, shins, thighs, hands, trunk and pelvis touch a plane, and
 /// legs each other.
 class Humanoid {
  public:
