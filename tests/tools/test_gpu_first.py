@@ -48,7 +48,7 @@ class GpuFirst(unittest.TestCase):
         self.assertEqual(status, 0)
 
     def test_the_emulated_device_has_the_cpus_bits(self):
-        status, lines = run("--device", "emulated", "--only", "device,plan,class/dense,form/derivative,form/stepping,capture/cold,capture/leftovers,time/dense_tile,hash/piles,robot/piles/jm")
+        status, lines = run("--device", "emulated", "--only", "device,plan,class/dense,form/derivative,form/stepping,capture/cold,capture/leftovers,time/dense_tile,hash/piles,robot/piles/jm,lanes/pyramids")
         self.assertEqual(status, 0, lines)
         self.assertEqual({line["result"] for line in lines}, {"equal", "right", "measured"})
 
@@ -98,7 +98,7 @@ class Plan(unittest.TestCase):
             else:
                 self.assertEqual(line["result"], "left out: no time")
                 left_out.append((phases[-1], line["check"]))
-        self.assertEqual(phases, ["device", "hashes", "times", "baseline", "checks", "profiles", "graphs", "two grids"])
+        self.assertEqual(phases, ["device", "hashes", "times", "baseline", "lanes", "checks", "profiles", "graphs", "two grids"])
         self.assertEqual(lines[-1]["left_out"], len(left_out))
         names = [name for _, name in left_out]
         self.assertEqual(len(names), len(set(names)))
@@ -106,7 +106,7 @@ class Plan(unittest.TestCase):
         self.assertEqual(names[-1], "capture/two_grids")
         self.assertLess(names.index("robot/g1/jm"), names.index("robot/g1/a"))
         kinds = list(dict.fromkeys((phase, name.split("/")[0]) for phase, name in left_out))
-        self.assertEqual(kinds, [("device", "device"), ("hashes", "hash"), ("times", "robot"), ("baseline", "baseline"),
+        self.assertEqual(kinds, [("device", "device"), ("hashes", "hash"), ("times", "robot"), ("baseline", "baseline"), ("lanes", "lanes"),
                                  *(("checks", kind) for kind in ("solver", "class", "form", "plan", "golden")), ("profiles", "ncu"),
                                  *(("graphs", kind) for kind in ("capture", "repeat", "sanitizer")), ("two grids", "capture")])
         self.assertEqual({name for name in names if name.startswith("hash/")},

@@ -21,6 +21,7 @@ void add_device(Checks& checks);
 void add_robot_hashes(Checks& checks);
 void add_robot_times(Checks& checks);
 void add_baseline(Checks& checks);
+void add_lanes(Checks& checks);
 void add_plan(Checks& checks);
 void add_classes(Checks& checks);
 void add_solvers(Checks& checks);

@@ -37,6 +37,7 @@ Checks all_checks() {
   add_robot_hashes(checks);
   add_robot_times(checks);
   add_baseline(checks);
+  add_lanes(checks);
   add_plan(checks);
   add_classes(checks);
   add_solvers(checks);
