@@ -14,8 +14,8 @@ class ArticulatedMachine {
   virtual ~ArticulatedMachine() = default;
   /// `count` steps of all environments, or what a probe asks for, queued on a stream of the device.
   virtual void step(const ArticulatedJob<Real>& job, Offset env_count, Index count, StreamRef stream) = 0;
-  /// The host's array that begins there is as steps have left it. What is written in it until the next call of step,
-  /// overwrite or view reaches the steps.
+  /// Makes the host's array that begins there as steps have left it. Numbers that are written in it until the next call
+  /// of step, overwrite or view reach the steps.
   virtual void fetch(const void*) {}
   /// Bytes from `array` on, within one of the host's arrays, are those of `from` for the steps to come; null: zeros.
   /// `from` is in host memory, or in the device's.

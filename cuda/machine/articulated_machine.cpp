@@ -180,7 +180,7 @@ class DeviceArticulatedMachine final : public ArticulatedMachine<Real> {
       arrays_.add("varied " + std::to_string(k), job.varied[k], varied_[k], envs * job.model.varied_width[k], false);
   }
 
-  /// What is queued on this stream from now on comes after what was queued before.
+  /// Puts work that is queued on this stream from now on after all that was queued before.
   void follow(StreamRef stream) {
     if (stream.handle() == stream_) return;
     api_->wait(stream.handle(), done_.get());

@@ -10,8 +10,8 @@
 namespace stiction::cuda {
 
 /// Arrays of the host that live on a device. One is copied where the host asks for it, and back where the host has
-/// changed it. What the host has asked for is compared with a copy before work on the device, so that no change is
-/// lost.
+/// changed it. Arrays that the host has asked for are compared with a copy before work on the device, so that no
+/// change is lost.
 class ResidentArrays {
  public:
   explicit ResidentArrays(DeviceApi& api) : api_(api) {}

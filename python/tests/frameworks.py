@@ -15,3 +15,16 @@ def framework(name, what="stiction with its arrays"):
     except (ImportError, OSError) as error:
         lacking = f"{name} does not load ({error})"
     pytest.skip(f"{what} NOT tested, {lacking}: scripts/test.sh --frameworks", allow_module_level=True)
+
+
+class OtherArray:
+    """An array of a framework that is not known here: it speaks DLPack and nothing else."""
+
+    def __init__(self, array):
+        self._array = array
+
+    def __dlpack__(self, **options):
+        return self._array.__dlpack__(**options)
+
+    def __dlpack_device__(self):
+        return self._array.__dlpack_device__()

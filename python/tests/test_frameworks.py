@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from frameworks import framework
+from frameworks import OtherArray, framework
 
 import stiction
 from stiction import Batch, Solver
@@ -149,21 +149,8 @@ class TestJax:
         assert lambda_.dtype == np.float32
 
 
-class Other:
-    """An array of a framework that is not known here: it speaks DLPack and nothing else."""
-
-    def __init__(self, array):
-        self._array = array
-
-    def __dlpack__(self, **options):
-        return self._array.__dlpack__(**options)
-
-    def __dlpack_device__(self):
-        return self._array.__dlpack_device__()
-
-
 def test_any_array_that_speaks_dlpack(problem, wanted):
-    batch = Batch.from_delassus(*(Other(array) for array in problem), mu=0.5, law="coulomb")
+    batch = Batch.from_delassus(*(OtherArray(array) for array in problem), mu=0.5, law="coulomb")
     assert batch._seen["A"].pointer == problem[0].ctypes.data
     assert Solver(**OPTIONS).solve(batch).hash() == wanted.hash()
 

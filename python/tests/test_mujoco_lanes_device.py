@@ -2,25 +2,12 @@
 
 import numpy as np
 import pytest
-import frameworks
+from frameworks import OtherArray, framework
 from lanes_models import fallen_states, model_of
 
 import stiction.mujoco
 
 COUNT = 5
-
-
-class OnDevice:
-    """An array of another framework in memory of the device: all that is known of it is DLPack."""
-
-    def __init__(self, array):
-        self._array = array
-
-    def __dlpack__(self, **options):
-        return self._array.__dlpack__(**options)
-
-    def __dlpack_device__(self):
-        return self._array.__dlpack_device__()
 
 
 def pair(dtype="float32", **options):
@@ -95,14 +82,14 @@ def test_controls_of_the_device_are_taken_where_they_are():
     here, there = pair()
     ctrl = np.random.default_rng(2).uniform(-1, 1, here.ctrl.shape).astype(np.float32)
     here.step(ctrl)
-    there.step(OnDevice(ctrl))
+    there.step(OtherArray(ctrl))
     expect_same(here, there)
     for wrong, error, text in (
             (ctrl.astype(np.float64), TypeError, r"ctrl: expected float32 \(5, 8\) C-contiguous on cpu, got float64"),
             (ctrl[:, :3].copy(), ValueError, r"ctrl: expected float32 \(5, 8\) .*, got float32 \(5, 3\)"),
             (ctrl.T.copy().T, ValueError, "make it contiguous first")):
         with pytest.raises(error, match=text):
-            there.step(OnDevice(wrong))
+            there.step(OtherArray(wrong))
     with pytest.raises(ValueError, match=r"ctrl: expected \(5, 8\), got \(5, 3\)"):
         there.step(ctrl[:, :3])
     expect_same(here, there)
@@ -146,7 +133,7 @@ def test_copies_of_the_host_cannot_be_taken_for_the_device():
 
 
 def test_torch_shares_the_memory():
-    torch = frameworks.framework("torch")
+    torch = framework("torch")
     here, there = pair()
     qvel = torch.from_dlpack(there.qvel)
     ctrl = torch.full(tuple(there.ctrl.shape), 0.25)

@@ -153,7 +153,7 @@ TEST(ResidentRobots, TimeIsThatOfTheStepsThatWereMade) {
   }
 }
 
-/// What is written through a view, and through spans after it, is what steps read, on either device.
+/// Steps read numbers that were written through a view, and through spans after it, on either device.
 TEST(ResidentRobots, AViewIsTheMemoryThatStepsUse) {
   const auto run = [](Device device) {
     auto robots = robots_on<double>(device, walker(true), kEnvs, observing({VariedArray::body_mass}));
