@@ -131,32 +131,39 @@ TEST(VelocityLanes, StepsInDoubleSolveWhatSinglePrecisionGets) {
 
 // Two robots take turns. Side by side, each kind fills slots of its own: as many as one environment has cones.
 TEST(VelocityLanes, LikeEnvironmentsAreFound) {
-  JacobianBatch<double> batch(Law::convex);
-  const std::vector<Cone> kinds[] = {{friction(3), unilateral(), friction(3)}, {friction(3), friction(3), friction(4)}};
+  const std::vector<Cone> edges(4, unilateral());  // of a pyramid at the last link
+  const ChainRecipe kinds[][2] = {
+      {{7, 12, {friction(3), unilateral(), friction(3)}}, {7, 12, {friction(3), friction(3), friction(4)}}},
+      {{7, 12, edges, 0.95}, {8, 12, edges, 0.95}}};
   constexpr Offset kEnvs = 16;
-  for (Offset env = 0; env < kEnvs; ++env) batch.add(random_chain({7, 12, kinds[env % 2]}));
-  const auto view = batch.view();
-  std::vector<SlotItem<DofSet>> items(3 * kEnvs);
-  std::vector<Likeness> keys;
-  SerialTeam alone;
-  for (Offset env = 0; env < kEnvs; ++env) {
-    const LaneEnv<double> one = lane_env(view, env);
-    list_items(alone, view, one, items.data() + 3 * env);
-    keys.push_back(likeness_of(items.data() + 3 * env, 3, one.dofs, env >= 12, static_cast<Index>(env)));
-  }
-  std::sort(keys.begin(), keys.end());
-  std::vector<Index> order;
-  for (const Likeness& key : keys) order.push_back(key.at);
-  const bool first = order[0] % 2 == 1;
-  for (std::size_t i = 0; i < 12; ++i) EXPECT_EQ(order[i] % 2 == 1, first == (i < 6)) << "place " << i;
-  for (std::size_t i = 12; i < 16; ++i) EXPECT_GE(order[i], 12) << "steps in double come last";
+  for (const auto& robots : kinds) {
+    JacobianBatch<double> batch(Law::convex);
+    for (Offset env = 0; env < kEnvs; ++env) batch.add(random_chain(robots[env % 2]));
+    const auto view = batch.view();
+    const auto each = static_cast<Index>(robots[0].cones.size());
+    std::vector<SlotItem<DofSet>> items(static_cast<std::size_t>(each * kEnvs));
+    std::vector<Likeness> keys;
+    SerialTeam alone;
+    for (Offset env = 0; env < kEnvs; ++env) {
+      const LaneEnv<double> one = lane_env(view, env);
+      SlotItem<DofSet>* const own = items.data() + each * env;
+      list_items(alone, view, one, own);
+      keys.push_back(likeness_of(own, each, one.dofs, env >= 12, static_cast<Index>(env)));
+    }
+    std::sort(keys.begin(), keys.end());
+    std::vector<Index> order;
+    for (const Likeness& key : keys) order.push_back(key.at);
+    const bool first = order[0] % 2 == 1;
+    for (std::size_t i = 0; i < 12; ++i) EXPECT_EQ(order[i] % 2 == 1, first == (i < 6)) << "place " << i;
+    for (std::size_t i = 12; i < 16; ++i) EXPECT_GE(order[i], 12) << "steps in double come last";
 
-  const SlotItem<DofSet>* members[4];
-  const Index cones[4] = {3, 3, 3, 3};
-  for (std::size_t l = 0; l < 4; ++l) members[l] = items.data() + 3 * order[l];
-  std::vector<Slot<4, DofSet>> slots(12);
-  std::vector<unsigned char> columns(static_cast<std::size_t>(column_room<DofSet>(12)));
-  EXPECT_EQ((merge_items<4, DofSet>(members, cones, slots.data(), columns.data()).slots), 3);
+    const SlotItem<DofSet>* members[4];
+    const Index cones[4] = {each, each, each, each};
+    for (std::size_t l = 0; l < 4; ++l) members[l] = items.data() + each * order[l];
+    std::vector<Slot<4, DofSet>> slots(static_cast<std::size_t>(4 * each));
+    std::vector<unsigned char> columns(static_cast<std::size_t>(column_room<DofSet>(4 * each)));
+    EXPECT_EQ((merge_items<4, DofSet>(members, cones, slots.data(), columns.data()).slots), each);
+  }
 }
 
 // Rows of a large tree begin where they have entries: those left out are exact zeros.

@@ -41,7 +41,6 @@ struct PackDiagonal {
   template <int kRows, class Slot>
   STICTION_HD void find_of(const Slot& slot, Index from, const Doubles& x) const {
     const auto& tree = pack.tree;
-    const Doubles L = pack.array(pack.workspace.factor), pivot = pack.array(pack.workspace.pivot);
     const Index last = slot.columns == 0 ? 0 : slot.dof[slot.columns - 1];
     const auto* const path = tree.path(last);
     for (Index d = 0; d < kRows * (tree.depth[last] + 1); ++d) x.put(d, Double(0));
@@ -52,29 +51,46 @@ struct PackDiagonal {
     }
     Double sum[kRows];
     for (int r = 0; r < kRows; ++r) sum[r] = Double(0);
-    for (Index e = tree.depth[last]; e >= 0; --e) {
-      Double minus[kRows];
-      for (int r = 0; r < kRows; ++r) {
-        const Double value = x[kRows * e + r];
-        sum[r] = fma_(value * value, pivot[path[e]], sum[r]);
-        minus[r] = Double(0) - value;
-      }
-      if constexpr (!std::remove_cvref_t<decltype(tree)>::kIsWhole)
-        if (!any_nonzero(minus)) continue;
-      const Doubles row = L.from(tree.begin[path[e]]);
-      for (Index d = tree.first(path[e]); d < e; ++d) {
-        const Double entry = row[d];
-        for (int r = 0; r < kRows; ++r) x.put(kRows * d + r, fma_(minus[r], entry, x[kRows * d + r]));
-      }
-    }
+    Index depth = tree.depth[last];
+    if constexpr (std::remove_cvref_t<decltype(tree)>::kIsWhole)
+      for (; depth + 1 >= kTogether; depth -= kTogether) eliminate<kRows, kTogether>(path, depth, x, sum);
+    for (; depth >= 0; --depth) eliminate<kRows, 1>(path, depth, x, sum);
     for (int r = 0; r < kRows; ++r) pack.array(pack.workspace.diagonal).put(slot.row + from + r, sum[r]);
   }
 
-  template <int kRows>
-  static STICTION_HD bool any_nonzero(const Double (&numbers)[kRows]) {
-    bool found = false;
-    for (int r = 0; r < kRows; ++r) found = found || any(numbers[r] != Double(0));
-    return found;
+  /// So many degrees of freedom are eliminated in one pass over those above them.
+  static constexpr int kTogether = 4;
+
+  /// Takes the elements at `depth`, depth - 1, ..., so many of them, out of those above, and adds to the sums. Every
+  /// element above is changed in that order.
+  template <int kRows, int kMany, class Small>
+  STICTION_HD void eliminate(const Small* path, Index depth, const Doubles& x, Double (&sum)[kRows]) const {
+    const auto& tree = pack.tree;
+    const Doubles L = pack.array(pack.workspace.factor), pivot = pack.array(pack.workspace.pivot);
+    Doubles row[kMany];
+    Double minus[kMany][kRows];
+    bool is_any = kMany > 1;
+    for (int i = 0; i < kMany; ++i) {
+      const Index at = depth - i, dof = path[at];
+      row[i] = L.from(tree.begin[dof]);
+      for (int r = 0; r < kRows; ++r) {
+        Double value = x[kRows * at + r];
+        for (int below = 0; below < i; ++below) value = fma_(minus[below][r], row[below][at], value);
+        sum[r] = fma_(value * value, pivot[dof], sum[r]);
+        minus[i][r] = Double(0) - value;
+        if constexpr (kMany == 1) is_any = is_any || any(value != Double(0));
+      }
+    }
+    if (!is_any) return;
+    for (Index d = tree.first(path[depth]); d <= depth - kMany; ++d) {
+      Double entry[kMany];
+      for (int i = 0; i < kMany; ++i) entry[i] = row[i][d];
+      for (int r = 0; r < kRows; ++r) {
+        Double value = x[kRows * d + r];
+        for (int i = 0; i < kMany; ++i) value = fma_(minus[i][r], entry[i], value);
+        x.put(kRows * d + r, value);
+      }
+    }
   }
 };
 

@@ -16,9 +16,11 @@ struct PackIslands {
   /// cone to degree of freedom, along M, and to cones, until nothing changes.
   STICTION_HD_OUTLINE void weigh(Double most) const {
     const Doubles scale = pack.array(pack.workspace.share_of), reach = pack.array(pack.workspace.scratch);
-    // A slot without a cone in some lane has no diagonal there, and waits for nothing.
+    // What neither moves nor can be moved waits for nothing: a slot without a cone in some lane, say.
     pack.workspace.each(pack.counts.slots, [&](Index s) {
-      scale.put(s, select(pack.press_of(pack.slots[s]) > Double(0), scale[s], most));
+      const auto waits =
+          and_(pack.press_of(pack.slots[s]) > Double(0), or_(scale[s] > Double(0), is_moved(pack.slots[s])));
+      scale.put(s, select(waits, scale[s], most));
     });
     if (any(behind(scale, most))) raise_neighbours(scale, reach, most);
     while (any(behind(scale, most)) && spread(scale, reach)) {
@@ -34,6 +36,15 @@ struct PackIslands {
   [[nodiscard]] STICTION_HD Mask<Double> behind(const Doubles& scale, Double most) const {
     auto found = Double(0) > Double(0);
     for (Index s = 0; s < pack.counts.slots; ++s) found = or_(found, scale[s] < most);
+    return found;
+  }
+
+  /// The lanes in which a reaction moves any of a slot's rows.
+  template <class Slot>
+  [[nodiscard]] STICTION_HD Mask<Double> is_moved(const Slot& slot) const {
+    const Doubles diagonal = pack.array(pack.workspace.diagonal);
+    auto found = diagonal[slot.row] > Double(0);
+    for (Index k = 1; k < slot.rows; ++k) found = or_(found, diagonal[slot.row + k] > Double(0));
     return found;
   }
 

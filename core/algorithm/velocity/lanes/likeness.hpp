@@ -9,10 +9,10 @@ namespace stiction::inline STICTION_ISA {
 /// Environments with near keys have like cones. The first to differ decides, the dearest: the cost of a
 /// slot grows with its rows and with the square of its columns.
 struct Likeness {
-  bool in_double = false;     ///< how steps are taken is another pack's affair
-  Index dofs = 0;             ///< of the environment
-  std::uint64_t cones = 0;    ///< the four last kinds of cones of several rows: of each a hash of 12 bits, and how many
-  std::uint64_t singles = 0;  ///< degrees of freedom of rows that stand alone: each turns their bits
+  bool in_double = false;   ///< how steps are taken is another pack's affair
+  Index dofs = 0;           ///< of the environment
+  std::uint64_t cones = 0;  ///< the four last kinds that have several rows or columns: a hash of 12 bits, and how many
+  std::uint64_t singles = 0;  ///< rows of one degree of freedom: each turns its bit
   Index at = 0;               ///< where the environment is, so that the order is one of integers
 
   STICTION_HD bool operator<(const Likeness& other) const {
@@ -38,7 +38,7 @@ STICTION_HD Likeness likeness_of(const SlotItem<DofSet>* items, Index count, Ind
   Likeness key{in_double, dofs, 0, 0, at};
   Index kinds = 0;
   for (Index last = count - 1; last >= 0;) {
-    if (items[last].rows == 1) {
+    if (items[last].rows == 1 && size_of(items[last].dofs) == 1) {
       key.singles ^= items[last--].dofs;
       continue;
     }
