@@ -16,7 +16,7 @@ struct PackIslands {
   /// cone to degree of freedom, along M, and to cones, until nothing changes.
   STICTION_HD_OUTLINE void weigh(Double most) const {
     const Doubles scale = pack.array(pack.workspace.share_of), reach = pack.array(pack.workspace.scratch);
-    // What neither moves nor can be moved waits for nothing: a slot without a cone in some lane, say.
+    // Lanes that neither move nor can be moved wait for nothing: those without a cone in a slot, say.
     pack.workspace.each(pack.counts.slots, [&](Index s) {
       const auto waits =
           and_(pack.press_of(pack.slots[s]) > Double(0), or_(scale[s] > Double(0), is_moved(pack.slots[s])));
