@@ -58,7 +58,7 @@ struct PackDiagonal {
     for (int r = 0; r < kRows; ++r) pack.array(pack.workspace.diagonal).put(slot.row + from + r, sum[r]);
   }
 
-  /// So many degrees of freedom are eliminated in one pass over those above them.
+  /// Degrees of freedom that are eliminated in one pass over those above them.
   static constexpr int kTogether = 4;
 
   /// Takes the elements at `depth`, depth - 1, ..., so many of them, out of those above, and adds to the sums. Every
