@@ -1,11 +1,8 @@
 #include "cuda/kernels/jacobian_vjp_program.hpp"
-#include "cuda/native/cuda_launch.cuh"
+#include "tests/ptx/counted.cuh"
 
 /// The reverse pass by J and M for test_ptx_lockstep.cpp, as a build for a GPU has it.
 namespace stiction {
-
-template <class Program>
-void* const kCounted = reinterpret_cast<void*>(&run_teams<Program>);
 
 template void* const kCounted<VjpLanesProgram<float>>;
 template void* const kCounted<VjpLanesProgram<double>>;

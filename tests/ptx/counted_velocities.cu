@@ -3,13 +3,10 @@
 #include "core/algorithm/velocity/lanes/dof_islands.hpp"
 #include "cuda/kernels/velocity_program.hpp"
 #include "cuda/kernels/velocity_teams_program.hpp"
-#include "cuda/native/cuda_launch.cuh"
+#include "tests/ptx/counted.cuh"
 
 /// Newton's method in velocities for test_ptx_lockstep.cpp, with all optimisations, as a build for a GPU has it.
 namespace stiction {
-
-template <class Program>
-void* const kCounted = reinterpret_cast<void*>(&run_teams<Program>);
 
 template void* const kCounted<SolveVelocityTeams<float, float>>;
 template void* const kCounted<SolveVelocityTeams<double, double>>;
