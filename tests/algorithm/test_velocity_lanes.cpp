@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <memory>
 #include <string>
@@ -127,6 +128,50 @@ TEST(VelocityLanes, StepsInDoubleSolveWhatSinglePrecisionGets) {
     EXPECT_NEAR(judged[e].relative, answers.status[e].residual, 1e-12) << env;
   }
   EXPECT_GE(solved, 21);
+}
+
+/// Unilateral rows at single degrees of freedom, a few of which M couples: islands of every size. Approaches are from
+/// 0.001 to 1.
+JacobianEnvironment<double> loosely_coupled(std::uint64_t seed) {
+  constexpr std::size_t kDofs = 8;
+  scenes::Rng rng(seed);
+  JacobianEnvironment<double> env;
+  env.M.assign(kDofs * kDofs, 0.0);
+  for (std::size_t k = 0; k < kDofs; ++k) {
+    env.M[k * kDofs + k] = 3.0;
+    for (std::size_t j = 0; j < k; ++j)
+      if (rng.uniform(0.0, 1.0) < 0.25) env.M[k * kDofs + j] = env.M[j * kDofs + k] = rng.symmetric(0.4);
+    env.v_free.push_back(-std::pow(10.0, rng.uniform(-3.0, 0.0)));
+    if (rng.uniform(0.0, 1.0) < 0.4) continue;
+    env.cones.push_back(unilateral());
+    env.R.push_back(0.01 * rng.uniform(1.0, 3.0));
+    for (auto* zeros : {&env.mu, &env.target, &env.lo, &env.hi}) zeros->push_back(0.0);
+    for (std::size_t j = 0; j < kDofs; ++j) env.J.push_back(j == k ? rng.uniform(0.5, 1.0) : 0.0);
+  }
+  return env;
+}
+
+// verify() reads islands off A. Rows of M lead to them in any order, also where parents are not coupled.
+TEST(VelocityLanes, IslandsReachAsFarAsMCouples) {
+  JacobianBatch<float> batch(Law::convex);
+  JacobianBatch<double> exact(Law::convex);
+  for (std::uint64_t seed = 1; seed <= 256; ++seed) {
+    const auto env = cast<float>(loosely_coupled(seed));
+    batch.add(env);
+    exact.add(cast<double>(env));
+  }
+  const auto order = upwards(batch.env_count());
+  const auto answers = solve_one_by_one(batch, order, 1e-5);
+  const std::vector<double> lambda(answers.lambda.begin(), answers.lambda.end());
+  const auto judged = verify(assemble(exact.view()).view(), std::span<const double>(lambda));
+  for (std::size_t env = 0; env < judged.size(); ++env) {
+    EXPECT_EQ(answers.answered[env], 1);
+    EXPECT_NEAR(judged[env].relative, answers.status[env].residual, 1e-12) << env;
+  }
+  for (const cpu::Isa* isa : builds_with_packs()) {
+    SCOPED_TRACE(isa->name);
+    expect_the_same(answers, solve_in_packs<double>(*isa, batch, order, 1e-5));
+  }
 }
 
 // Two robots take turns. Side by side, each kind fills slots of its own: as many as one environment has cones.

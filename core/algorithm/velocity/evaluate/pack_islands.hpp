@@ -22,8 +22,10 @@ struct PackIslands {
           and_(pack.press_of(pack.slots[s]) > Double(0), or_(scale[s] > Double(0), is_moved(pack.slots[s])));
       scale.put(s, select(waits, scale[s], most));
     });
-    if (any(behind(scale, most))) raise_neighbours(scale, reach, most);
-    while (any(behind(scale, most)) && spread(scale, reach)) {
+    pack.workspace.each(pack.tree.dofs, [&](Index k) { reach.put(k, Double(0)); });
+    // Cones of the largest scale come first: most often they reach all others, and no pass follows.
+    if (any(behind(scale, most))) spread(scale, reach, most, most);
+    while (any(behind(scale, most)) && spread(scale, reach, Double(0), most)) {
     }
     pack.workspace.sync();  // all have looked at the scales
     pack.workspace.each(pack.counts.slots, [&](Index s) {
@@ -59,42 +61,27 @@ struct PackIslands {
     return found;
   }
 
-  /// Raises the scales of cones whose degrees of freedom are joined, from parent to child, with those of a cone of the
-  /// largest scale. They are most often all of them, by their first column, and no pass follows.
-  STICTION_HD void raise_neighbours(const Doubles& scale, const Doubles& reach, Double most) const {
-    pack.workspace.each(pack.tree.dofs, [&](Index k) { reach.put(k, Double(0)); });
+  /// One pass, from cones whose scale is `least` or more. Returns true if any scale has grown, of cones or of degrees
+  /// of freedom along M.
+  STICTION_HD bool spread(const Doubles& scale, const Doubles& reach, Double least, Double most) const {
     for (Index s = 0; s < pack.counts.slots; ++s) {
-      const auto is_top = not_(scale[s] < most);
-      if (!any(is_top)) continue;
+      const auto counts = scale[s] >= least;
+      if (!any(counts)) continue;
       pack.workspace.each(pack.slots[s].columns, [&](Index c) {
         const Index dof = pack.slots[s].dof[c];
-        reach.put(dof, select(and_(is_top, touches(pack.slots[s], c)), most, reach[dof]));
+        const auto raises = and_(counts, touches(pack.slots[s], c));
+        reach.put(dof, select(raises, max_(scale[s], reach[dof]), reach[dof]));
       });
     }
-    pack.workspace.once([&] {
-      for (Index k = pack.tree.dofs; k-- > 0;) spread_along_entry(k, pack.tree.depth[k] - 1, reach);
-      for (Index k = 0; k < pack.tree.dofs; ++k) spread_along_entry(k, pack.tree.depth[k] - 1, reach);
-    });
-    pack.workspace.each(pack.counts.slots, [&](Index s) {
-      for (Index c = 0; c < pack.slots[s].columns && any(scale[s] < most); ++c)
-        scale.put(s, select(touches(pack.slots[s], c), max_(reach[pack.slots[s].dof[c]], scale[s]), scale[s]));
-    });
-  }
-
-  /// One pass. Returns true if any scale has grown.
-  STICTION_HD bool spread(const Doubles& scale, const Doubles& reach) const {
-    pack.workspace.each(pack.tree.dofs, [&](Index k) { reach.put(k, Double(0)); });
-    for (Index s = 0; s < pack.counts.slots; ++s)
-      pack.workspace.each(pack.slots[s].columns, [&](Index c) {
-        const Index dof = pack.slots[s].dof[c];
-        reach.put(dof, select(touches(pack.slots[s], c), max_(scale[s], reach[dof]), reach[dof]));
-      });
-    pack.workspace.once([&] { spread_along_mass(reach); });
     auto grown = Double(0) > Double(0);
+    pack.workspace.once([&] {
+      for (Index k = pack.tree.dofs; k-- > 0;) spread_along_row(k, reach, grown);
+      for (Index k = 0; k < pack.tree.dofs; ++k) spread_along_row(k, reach, grown);
+    });
     pack.workspace.each(pack.counts.slots, [&](Index s) {
       const Double own = scale[s];
       Double found = own;
-      for (Index c = 0; c < pack.slots[s].columns; ++c)
+      for (Index c = 0; c < pack.slots[s].columns && any(found < most); ++c)
         found = select(touches(pack.slots[s], c), max_(reach[pack.slots[s].dof[c]], found), found);
       scale.put(s, found);
       grown = or_(grown, found > own);
@@ -102,18 +89,20 @@ struct PackIslands {
     return any(not_(pack.workspace.all(not_(grown))));
   }
 
-  STICTION_HD void spread_along_mass(const Doubles& reach) const {
-    for (Index k = 0; k < pack.tree.dofs; ++k)
-      for (Index d = pack.tree.first(k); d < pack.tree.depth[k]; ++d) spread_along_entry(k, d, reach);
-  }
-  /// Along M's entry of k and the degree of freedom at depth d of its path, if it has one.
-  STICTION_HD void spread_along_entry(Index k, Index d, const Doubles& reach) const {
-    if (d < pack.tree.first(k)) return;
-    const Index other = pack.tree.path(k)[d];
-    const auto coupled = pack.number(pack.workspace.M, pack.tree.begin[k] + d) != Double(0);
-    const Double together = max_(reach[k], reach[other]);
-    reach.put(k, select(coupled, together, reach[k]));
-    reach.put(other, select(coupled, together, reach[other]));
+  /// Along M's entries between k and its ancestors, in either direction.
+  STICTION_HD void spread_along_row(Index k, const Doubles& reach, Mask<Double>& grown) const {
+    const auto* const path = pack.tree.path(k);
+    const Double before = reach[k];
+    Double own = before;
+    for (Index d = pack.tree.first(k); d < pack.tree.depth[k]; ++d) {
+      const auto coupled = pack.number(pack.workspace.M, pack.tree.begin[k] + d) != Double(0);
+      const Double other = reach[path[d]], together = max_(own, other);
+      own = select(coupled, together, own);
+      reach.put(path[d], select(coupled, together, other));
+      grown = or_(grown, and_(coupled, together > other));
+    }
+    reach.put(k, own);
+    grown = or_(grown, own > before);
   }
 };
 
