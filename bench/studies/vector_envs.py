@@ -1,16 +1,19 @@
 #!/usr/bin/env python3
 """Control steps a second of 64 environments by engine="lanes" beside Gymnasium's own vector environments.
 
-    PYTHONPATH=build/python bench/studies/vector_envs.py [--tasks Ant Humanoid] [--envs 64] [--bare]
+    PYTHONPATH=build/python bench/studies/vector_envs.py [--tasks Ant Humanoid go1] [--envs 64] [--bare]
 
 By the wall's clock, on all cores, and by the processor's time of this process, which the workers of async are not in. All
 ways take the same actions, drawn beforehand, from the same states. Each has two turns, in either order. Lanes solve to 1e-6
 in f64 and 1e-4 in f32; Gymnasium's Ants are stepped by mj_step. Bare ways step simulations alone, without rewards, contact
-forces and ends of episodes. Beside lanes these are MuJoCo 4's mujoco.batch and PyPI's mjbatch, where installed.
+forces and ends of episodes. Beside lanes these are MuJoCo 4's mujoco.batch and PyPI's mjbatch, where installed. The task go1
+is examples/python/14_quadruped.py's, in lanes in f32 and in mujoco.batch.
 """
 
 import argparse
 import importlib
+import pathlib
+import runpy
 import time
 
 import gymnasium
@@ -69,7 +72,16 @@ def bare_ways(task, count):
     return {name: lambda make=make: Bare(task, count, make) for name, make in ways.items()}
 
 
+def go1_ways(count):
+    example = runpy.run_path(str(pathlib.Path(__file__).parents[2] / "examples" / "python" / "14_quadruped.py"))
+    robot = example["robot_of"]("go1")
+    return {f"envs {engine}": lambda engine=engine: example["Quadrupeds"](robot, count, engine=engine)
+            for engine in ("lanes", "mujoco")}
+
+
 def ways_of(task, count):
+    if task == "go1":
+        return go1_ways(count)
     ways = {"lanes f64": lambda: MujocoVectorEnv(task, count, engine="lanes", tolerance=1e-6),
             "lanes f32": lambda: MujocoVectorEnv(task, count, engine="lanes", tolerance=1e-4, dtype="float32")}
     for mode in ("sync", "async"):

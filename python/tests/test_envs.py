@@ -1,6 +1,8 @@
 """The vector environment against Gymnasium's own, its ends and seeds, and its bits."""
 
+import dataclasses
 import hashlib
+import itertools
 import runpy
 
 import numpy as np
@@ -270,15 +272,43 @@ def test_stable_baselines_adapter():
     assert not np.array_equal(observations[0], infos[0]["terminal_observation"])
 
 
-def test_the_quadruped_of_the_tutorial_starts_again_and_is_seen_alike_by_mj_step():
+QUADRUPED = """<mujoco><option timestep="0.004" iterations="1" ls_iterations="5"/>
+  <default><geom contype="0" conaffinity="0"/><joint damping="0.5" armature="0.005" frictionloss="0.3"/></default>
+  <asset><mesh file="of_menagerie.stl"/></asset>
+  <worldbody><geom name="floor" type="plane" size="0 0 1" contype="1" friction="0.6" priority="1"/>
+    <body name="trunk" pos="0 0 0.3"><freejoint/><geom type="mesh" mesh="of_menagerie"/>
+      <inertial pos="0.02 0 0" mass="6" diaginertia="0.07 0.06 0.02"/>{legs}</body></worldbody>
+  <actuator>{servos}</actuator>
+  <keyframe><key qpos="0 0 0.28 1 0 0 0 {pose}"/></keyframe></mujoco>"""
+LEG = """<body pos="{x} {y} 0"><joint name="hip{leg}" axis="0 1 0"/>
+  <geom type="capsule" fromto="0 0 0 0 0 -0.2" size="0.02"/>
+  <body pos="0 0 -0.2"><joint name="knee{leg}" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 0 0 -0.2" size="0.01"/>
+  <geom type="sphere" pos="0 0 -0.2" size="0.023" conaffinity="1"/></body></body>"""
+
+
+@pytest.fixture(params=("own", "go1"))
+def quadruped(request, tmp_path):
+    """The example's names, and its robot: its own, or a scene that, as Go1's, has absent meshes and one iteration."""
     framework("stable_baselines3", "the tutorial's quadruped is")
     example = runpy.run_path(str(ROOT / "examples" / "python" / "14_quadruped.py"))
-    envs = example["Quadrupeds"](8)
+    path = tmp_path / "scene.xml"
+    corners = list(itertools.product((-0.2, 0.2), (-0.1, 0.1)))
+    path.write_text(QUADRUPED.format(
+        legs="".join(LEG.format(x=x, y=y, leg=leg) for leg, (x, y) in enumerate(corners)), pose="0.8 -1.6 " * 4,
+        servos="".join(f'<position joint="{joint}{leg}" kp="35"/>' for leg in range(4) for joint in ("hip", "knee"))))
+    robot = example["robot_of"](request.param, path)
+    assert robot.model.opt.iterations == 100 and robot.model.nu == (12 if request.param == "own" else 8)
+    return example, robot
+
+
+def test_the_quadruped_of_the_tutorial_starts_again_and_is_seen_alike_by_mj_step(quadruped):
+    example, robot = quadruped
+    envs, servos = example["Quadrupeds"](robot, 8), robot.model.nu
     envs.reset(seed=2)
     envs.age[:] = 0
     rng = np.random.default_rng(0)
     for step in range(60):
-        actions = rng.uniform(-1.5, 1.5, (8, 12))
+        actions = rng.uniform(-1.5, 1.5, (8, servos))
         if step == 30:
             envs.simulation.qpos[3, 3:7] = 0, 1, 0, 0  # on its back
         if step == 40:
@@ -291,11 +321,64 @@ def test_the_quadruped_of_the_tutorial_starts_again_and_is_seen_alike_by_mj_step
             assert terminations[3] and np.allclose(seen[3, 2], -1, atol=0.1)
         if step == 40:
             assert truncations[5] and not terminations[5]
-    model = example["rough_model"]()
-    task, data = envs.task, mujoco.MjData(model)
+    assert seen.shape == (8, 9 + 3 * servos + 2 * (servos == 8))
+    data, local = mujoco.MjData(robot.model), np.zeros(6)
     data.qpos[:], data.qvel[:] = envs.simulation.qpos[1], envs.simulation.qvel[1]
-    assert np.allclose(task.observe(data.qpos[None], data.qvel[None], envs.action[1:2]), seen[1:2], atol=1e-5)
-    local = np.zeros(6)
-    mujoco.mj_forward(model, data)
-    mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_XBODY, 1, local, 1)
-    assert np.allclose(seen[1, 3:6], local[3:], atol=1e-5) and np.allclose(4 * seen[1, 6:9], local[:3], atol=1e-5)
+    again = envs.task.observe(data.qpos[None], data.qvel[None], envs.action[1:2], envs.age[1:2])
+    assert np.array_equal(again.astype(np.float32), seen[1:2])
+    mujoco.mj_normalizeQuat(robot.model, data.qpos)
+    mujoco.mj_forward(robot.model, data)
+    mujoco.mj_objectVelocity(robot.model, data, mujoco.mjtObj.mjOBJ_XBODY, 1, local, 1)
+    mine = np.concatenate([-data.xmat[1, 6:], local[3:], 0.25 * local[:3]])
+    assert np.allclose(again[0, :9], mine, atol=1e-6)
+    if robot.watt:
+        data.ctrl[:] = rng.uniform(-1, 1, servos)
+        mujoco.mj_forward(robot.model, data)
+        power = np.abs(data.actuator_force * data.actuator_velocity).sum()
+        still = dataclasses.replace(robot, watt=0.0)
+        free, paid = (example["Task"](one).reward(again, actions[1:2], actions[1:2], data.ctrl) for one in (still, robot))
+        assert free - paid == pytest.approx(robot.watt * power, rel=1e-6)
+
+
+def test_a_trot_bends_two_legs_of_the_quadruped_at_a_time(quadruped):
+    example, robot = quadruped
+    swings, none = robot.trot * np.array([0.5, -1.0]) * np.sin(2 * np.pi * 0.24), np.zeros(2)
+    for age, expected in ((6, [swings, none, none, swings]), (19, [none, swings, swings, none]), (0, [none] * 4)):
+        targets = example["Task"](robot).control(np.zeros((1, robot.model.nu)), np.array([age]))[0]
+        assert np.allclose((targets - robot.model.key_qpos[0, 7:]).reshape(4, -1)[:, -2:], expected, atol=0.01 * robot.trot)
+
+
+@pytest.mark.parametrize("engine", ("lanes", "mujoco"))
+def test_the_quadrupeds_of_training_step_as_the_one_that_is_judged(quadruped, engine):
+    example, robot = quadruped
+
+    class Recorded:
+        """A policy of random actions, which keeps what it is shown."""
+
+        def __init__(self):
+            self.shown, self.given, self.rng = [], [], np.random.default_rng(1)
+
+        def predict(self, seen, deterministic):
+            self.shown.append(seen[0])
+            self.given.append(self.rng.uniform(-0.5, 0.5, (1, robot.model.nu)))
+            return self.given[-1], None
+
+    policy, envs = Recorded(), example["Quadrupeds"](robot, 2, engine=engine)
+    distance, upright = example["walk_by_mj_step"](policy, robot, seed=7, seconds=0.2)
+    assert upright == 0.2 and len(policy.given) == 10
+    if engine == "mujoco":
+        assert np.allclose(envs.simulation.get_model(1).body_mass[1:] / robot.model.body_mass[1:], 1, atol=0.15)
+        assert not np.array_equal(envs.simulation.get_model(1).body_mass, robot.model.body_mass)
+        envs.simulation.set_models([robot.model] * 2)
+    else:
+        envs.simulation.varied["body_mass"][:] = robot.model.body_mass
+        envs.simulation.varied["geom_friction"][:] = robot.model.geom_friction
+    envs.reset(seed=0)
+    envs.age[:] = 0
+    (envs.simulation.qpos[1],), (envs.simulation.qvel[1],) = envs.task.starts(1, np.random.default_rng(7))
+    begin = float(envs.simulation.qpos[1, 0])
+    for shown, action in zip(policy.shown, policy.given):
+        seen = envs.task.observe(envs.simulation.qpos, envs.simulation.qvel, envs.action, envs.age)[1]
+        assert np.allclose(seen, shown, atol=1e-3 if engine == "lanes" else 1e-6)
+        envs.step(np.repeat(action, 2, axis=0))
+    assert envs.simulation.qpos[1, 0] - begin == pytest.approx(distance, abs=1e-4)
