@@ -23,9 +23,9 @@ struct PackIslands {
       scale.put(s, select(waits, scale[s], most));
     });
     pack.workspace.each(pack.tree.dofs, [&](Index k) { reach.put(k, Double(0)); });
-    // Cones of the largest scale come first: most often they reach all others, and no pass follows.
-    if (any(behind(scale, most))) spread(scale, reach, most, most);
-    while (any(behind(scale, most)) && spread(scale, reach, Double(0), most)) {
+    // Cones of the largest scale come first, from parent to child. Most often they reach all others, and no pass follows.
+    if (any(behind(scale, most))) spread(scale, reach, most, most, 1);
+    while (any(behind(scale, most)) && spread(scale, reach, Double(0), most, pack.tree.dofs)) {
     }
     pack.workspace.sync();  // all have looked at the scales
     pack.workspace.each(pack.counts.slots, [&](Index s) {
@@ -61,9 +61,10 @@ struct PackIslands {
     return found;
   }
 
-  /// One pass, from cones whose scale is `least` or more. Returns true if any scale has grown, of cones or of degrees
-  /// of freedom along M.
-  STICTION_HD bool spread(const Doubles& scale, const Doubles& reach, Double least, Double most) const {
+  /// One pass, from cones whose scale is `least` or more, over so many ancestors of each degree of freedom. Returns true
+  /// if any scale has grown, of cones or of degrees of freedom along M.
+  STICTION_HD bool spread(const Doubles& scale, const Doubles& reach, Double least, Double most,
+                          Index ancestors) const {
     for (Index s = 0; s < pack.counts.slots; ++s) {
       const auto counts = scale[s] >= least;
       if (!any(counts)) continue;
@@ -75,8 +76,8 @@ struct PackIslands {
     }
     auto grown = Double(0) > Double(0);
     pack.workspace.once([&] {
-      for (Index k = pack.tree.dofs; k-- > 0;) spread_along_row(k, reach, grown);
-      for (Index k = 0; k < pack.tree.dofs; ++k) spread_along_row(k, reach, grown);
+      for (Index k = pack.tree.dofs; k-- > 0;) spread_along_row(k, reach, ancestors, grown);
+      for (Index k = 0; k < pack.tree.dofs; ++k) spread_along_row(k, reach, ancestors, grown);
     });
     pack.workspace.each(pack.counts.slots, [&](Index s) {
       const Double own = scale[s];
@@ -89,12 +90,13 @@ struct PackIslands {
     return any(not_(pack.workspace.all(not_(grown))));
   }
 
-  /// Along M's entries between k and its ancestors, in either direction.
-  STICTION_HD void spread_along_row(Index k, const Doubles& reach, Mask<Double>& grown) const {
+  /// Along M's entries between k and its last ancestors, in either direction.
+  STICTION_HD void spread_along_row(Index k, const Doubles& reach, Index ancestors, Mask<Double>& grown) const {
     const auto* const path = pack.tree.path(k);
+    const Index depth = pack.tree.depth[k], first = pack.tree.first(k);
     const Double before = reach[k];
     Double own = before;
-    for (Index d = pack.tree.first(k); d < pack.tree.depth[k]; ++d) {
+    for (Index d = first > depth - ancestors ? first : depth - ancestors; d < depth; ++d) {
       const auto coupled = pack.number(pack.workspace.M, pack.tree.begin[k] + d) != Double(0);
       const Double other = reach[path[d]], together = max_(own, other);
       own = select(coupled, together, own);
