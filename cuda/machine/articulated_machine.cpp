@@ -112,7 +112,7 @@ class DeviceArticulatedMachine final : public ArticulatedMachine<Real> {
  private:
   /// Teams as many as there is work, memory and room on the device for.
   void find_room(Offset most_bytes) {
-    static_cast<LaneRoom&>(args_) = StepRobots<Real>::lay_out(args_.job, tree_);
+    StepRobots<Real>::lay_out(tree_, args_);
     const Offset team_bytes = static_cast<Offset>(sizeof(double)) * args_.numbers_per_team +
                               static_cast<Offset>(sizeof(Offset)) * kWarp * args_.lists_per_lane;
     const Offset wanted = (args_.env_count + kWarp - 1) / kWarp,
