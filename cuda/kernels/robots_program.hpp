@@ -1,7 +1,6 @@
 #pragma once
 
 #include "core/algorithm/articulated/step.hpp"
-#include "cuda/api/robot_kernels.hpp"
 #include "cuda/kernels/lane_memory.hpp"
 
 namespace stiction::cuda {
@@ -63,13 +62,3 @@ struct StepRobots {
 };
 
 }  // namespace stiction::inline STICTION_ISA
-
-namespace stiction::cuda {
-
-template <class Make>
-RobotKernels robot_kernels() {
-  return {{Make::template kernel<StepRobots<float>>("step_robots"),
-           Make::template kernel<StepRobots<double>>("step_robots")}};
-}
-
-}  // namespace stiction::cuda
