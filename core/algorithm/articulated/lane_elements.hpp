@@ -11,8 +11,8 @@ namespace stiction::inline STICTION_ISA {
 /// and lie behind one another: kApart is 1. A lane of a GPU's warp has those of the other lanes between two of its own.
 template <class Element, class Number, int kApart>
 struct LaneElements {
-  static constexpr int kNumbers = static_cast<int>(sizeof(Element) / sizeof(Number));
-  static_assert(sizeof(Element) == kNumbers * sizeof(Number));
+  static constexpr int kNumberBytes = sizeof(Number), kNumbers = sizeof(Element) / kNumberBytes;
+  static_assert(sizeof(Element) == kNumbers * kNumberBytes);
   Number* data = nullptr;
 
   /// A reference to a number; an element of several is read here and written by put().
