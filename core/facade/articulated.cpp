@@ -6,7 +6,6 @@
 
 #include "core/base/extents.hpp"
 #include "core/base/fp_env.hpp"
-#include "core/base/runs.hpp"
 #include "core/machine/articulated_machine.hpp"
 #include "core/runtime/articulated/articulated_model.hpp"
 #include "core/runtime/articulated/varied_arrays.hpp"
@@ -120,27 +119,10 @@ struct ArticulatedBatch<Real>::Parts {
     machine->fetch(array.data());
     return array;
   }
-  /// Gives each of some environments a row, or zeros.
-  template <class T>
-  void fill(std::vector<T>& array, Index width, std::size_t begin, std::size_t end, StreamRef stream,
-            const T* rows = nullptr) {
-    const std::size_t numbers = at(width);
-    if (numbers > 0)
-      machine->overwrite(array.data() + begin * numbers, rows, (end - begin) * numbers * sizeof(T), MemorySpace::host,
-                         stream);
-  }
   void reset(std::span<const std::uint8_t> mask, StreamRef stream) {
-    std::size_t longest = 0;
-    for_each_run(mask, [&](std::size_t begin, std::size_t end) { longest = larger_of(longest, end - begin); });
-    std::vector<Real> first;
-    for (std::size_t k = 0; k < longest; ++k) first.insert(first.end(), model.qpos0().begin(), model.qpos0().end());
-    for_each_run(mask, [&](std::size_t begin, std::size_t end) {
-      fill(qpos, view.q_count, begin, end, stream, first.data());
-      for (auto* array : {&qvel, &qacc, &applied}) fill(*array, view.dof_count, begin, end, stream);
-      fill(ctrl, view.actuator_count, begin, end, stream);
-      fill(time, 1, begin, end, stream);
-    });
-    machine->synchronize();  // `first` ends here
+    machine->reset(
+        {all(), mask.data(), model.qpos0().data(), env_count, view.q_count, view.dof_count, view.actuator_count},
+        stream);
   }
 
   ArticulatedOptions options;
@@ -203,7 +185,7 @@ void ArticulatedBatch<Real>::reset(std::span<const std::uint8_t> mask, StreamRef
 template <class Real>
 void ArticulatedBatch<Real>::copy_ctrl(const Real* ctrl, StreamRef stream) {
   std::vector<Real>& to = parts_->ctrl;
-  if (!to.empty()) parts_->machine->overwrite(to.data(), ctrl, to.size() * sizeof(Real), MemorySpace::cuda, stream);
+  if (!to.empty()) parts_->machine->overwrite(to.data(), ctrl, to.size() * sizeof(Real), stream);
 }
 
 template <class Real>

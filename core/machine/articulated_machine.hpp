@@ -3,6 +3,7 @@
 #include <memory>
 
 #include "core/job/articulated_job.hpp"
+#include "core/job/articulated_reset_job.hpp"
 
 namespace stiction {
 
@@ -15,11 +16,12 @@ class ArticulatedMachine {
   /// `count` steps of all environments, or what a probe asks for, queued on a stream of the device.
   virtual void step(const ArticulatedJob<Real>& job, Offset env_count, Index count, StreamRef stream) = 0;
   /// Makes the host's array that begins there as steps have left it. Numbers that are written in it until the next call
-  /// of step, overwrite or view reach the steps.
+  /// of step, reset, overwrite or view reach the steps.
   virtual void fetch(const void*) {}
-  /// Bytes from `array` on, within one of the host's arrays, are those of `from` for the steps to come; null: zeros.
-  /// `from` is in host memory, or in the device's.
-  virtual void overwrite(void* array, const void* from, std::size_t bytes, MemorySpace space, StreamRef stream) = 0;
+  /// Resets environments of a mask for the steps to come. `job` names the host's arrays.
+  virtual void reset(const ArticulatedResetJob<Real>& job, StreamRef stream) = 0;
+  /// One of the host's arrays has the numbers of `from`, which is in the device's memory, for the steps to come.
+  virtual void overwrite(void* array, const void* from, std::size_t bytes, StreamRef stream) = 0;
   /// The arrays that steps read and write, in memory of the device. `host` are the host's.
   virtual ArticulatedView<Real> view(const ArticulatedView<Real>& host) { return host; }
   /// Returns when all that was queued is done.

@@ -16,13 +16,21 @@ struct LanesOf<Real, 1> {
   using Type = Real;
 };
 
+/// Memory of a pack of robots.
+template <class Types>
+struct RobotMemory : PackMemory<Types> {
+  cpu::GrowBuffer& numbers_of_stages;
+  static constexpr Index lane = 0;
+  void* stages(Offset bytes) const { return numbers_of_stages.reserve<char>(bytes); }
+};
+
 template <class Real>
 void step_pack(const ArticulatedJob<Real>& job, const Offset* envs, Index count, Index steps,
                cpu::ArticulatedScratch& scratch) {
   using Types = LaneTypes<typename LanesOf<Real, kLanesHere<Real>>::Type>;
   RobotTree& tree = *scratch.tree.reserve<RobotTree>(1);
   build_robot_tree(job.model, tree);
-  step_robots<Types>(job, tree, envs, count, steps, PackMemory<Types>{scratch.pack});
+  step_robots<Types>(job, tree, envs, count, steps, RobotMemory<Types>{{scratch.pack}, scratch.stages});
 }
 
 template <class Real>

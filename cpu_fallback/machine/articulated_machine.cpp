@@ -7,6 +7,7 @@
 #include <numeric>
 #include <vector>
 
+#include "core/algorithm/articulated/reset.hpp"
 #include "core/base/extents.hpp"
 #include "cpu_fallback/tables/isa.hpp"
 #include "cpu_fallback/tables/kernel_tables.hpp"
@@ -98,11 +99,12 @@ class CpuArticulatedMachine final : public ArticulatedMachine<Real> {
       steps_left_ = job.touched == nullptr ? 0 : steps_left_ - now;
     }
   }
-  void overwrite(void* array, const void* from, std::size_t bytes, MemorySpace, StreamRef) override {
-    if (from == nullptr)
-      std::memset(array, 0, bytes);
-    else
-      std::memcpy(array, from, bytes);
+  void reset(const ArticulatedResetJob<Real>& job, StreamRef) override {
+    SerialTeam team;
+    for (Offset env = 0; env < job.env_count; ++env) reset_masked(team, job, env);
+  }
+  void overwrite(void* array, const void* from, std::size_t bytes, StreamRef) override {
+    std::memcpy(array, from, bytes);
   }
 
  private:

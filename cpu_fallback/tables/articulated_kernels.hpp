@@ -7,7 +7,7 @@ namespace stiction::cpu {
 
 /// Memory of one worker that steps robots.
 struct ArticulatedScratch {
-  GrowBuffer tree;
+  GrowBuffer tree, stages;
   VelocityScratch pack;
 };
 

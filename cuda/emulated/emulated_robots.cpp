@@ -1,7 +1,7 @@
 #include "cuda/emulated/emulated_robots.hpp"
 
 #include "cuda/emulated/emulated_make.hpp"
-#include "cuda/kernels/robots_program.hpp"
+#include "cuda/kernels/robot_catalogue.hpp"
 
 namespace stiction::cuda {
 

@@ -7,6 +7,7 @@
 #include "core/base/extents.hpp"
 #include "cuda/api/memory.hpp"
 #include "cuda/api/mover.hpp"
+#include "cuda/api/robot_kernels.hpp"
 #include "cuda/kernels/robots_program.hpp"
 #include "cuda/machine/memory_limits.hpp"
 #include "cuda/machine/resident_arrays.hpp"
@@ -22,7 +23,8 @@ class DeviceArticulatedMachine final : public ArticulatedMachine<Real> {
   DeviceArticulatedMachine(std::shared_ptr<DeviceApi> api, const ArticulatedJob<Real>& job, Offset env_count,
                            Offset most_bytes)
       : api_(std::move(api)),
-        kernel_(api_->robot_kernels().step[sizeof(Real) == sizeof(float) ? 0 : 1]),
+        kernel_(api_->robot_kernels().step[kPrecision]),
+        reset_(api_->robot_kernels().reset[kPrecision]),
         done_(*api_),
         arrays_(*api_) {
     build_robot_tree(job.model, tree_);
@@ -32,6 +34,7 @@ class DeviceArticulatedMachine final : public ArticulatedMachine<Real> {
     place_arrays(job);
     list_arrays(job);
     api_->prepare(kernel_, shape_);
+    api_->prepare(reset_, reset_shape());
     queue_all(*api_, stream_, [&] {
       copy_model(job.model);
       arrays_.queue_all_to_device(stream_);
@@ -84,16 +87,42 @@ class DeviceArticulatedMachine final : public ArticulatedMachine<Real> {
   }
 
   void fetch(const void* array) override { arrays_.open(array, stream_); }
-  void overwrite(void* array, const void* from, std::size_t bytes, MemorySpace space, StreamRef stream) override {
+  void reset(const ArticulatedResetJob<Real>& job, StreamRef stream) override {
+    if (args_.env_count == 0) return;
     follow(stream);
     arrays_.give_back(stream_);
-    arrays_.overwrite(array, from, bytes, space == MemorySpace::host ? CopyKind::to_device : CopyKind::on_device,
-                      stream_);
+    for_each_reset_array(job.to, [&](const auto* array) { arrays_.leave(array); });
+    ArticulatedResetJob<Real> there = job;
+    there.to = on_device();
+    there.mask = args_.job.active;
+    there.first = first_;
+    queue_all(*api_, stream_, [&] {
+      Mover mover(*api_, stream_);
+      mover.to_device(there.mask, job.mask, args_.env_count);
+      mover.to_device(there.first, job.first, job.q_count);
+      api_->launch(reset_, reset_shape(), &there, stream_);
+      api_->record(done_.get(), stream_);
+      api_->synchronize(stream_);  // the mask is the caller's
+    });
+  }
+  void overwrite(void* array, const void* from, std::size_t bytes, StreamRef stream) override {
+    follow(stream);
+    arrays_.give_back(stream_);
+    arrays_.overwrite(array, from, bytes, stream_);
     api_->record(done_.get(), stream_);
   }
   ArticulatedView<Real> view(const ArticulatedView<Real>&) override {
     arrays_.give_back(stream_);
     arrays_.share();
+    return on_device();
+  }
+  void synchronize() override { api_->synchronize(stream_); }
+
+ private:
+  static constexpr std::size_t kPrecision = sizeof(Real) == sizeof(float) ? 0 : 1;
+
+  [[nodiscard]] LaunchShape reset_shape() const { return {args_.env_count, kWarp}; }
+  [[nodiscard]] ArticulatedView<Real> on_device() const {
     const ArticulatedJob<Real>& job = args_.job;
     ArticulatedView<Real> there{job.qpos,
                                 job.qvel,
@@ -107,12 +136,10 @@ class DeviceArticulatedMachine final : public ArticulatedMachine<Real> {
     for (std::size_t k = 0; k < kVariedArrays; ++k) there.varied[k] = const_cast<Real*>(varied_[k]);
     return there;
   }
-  void synchronize() override { api_->synchronize(stream_); }
 
- private:
   /// Teams as many as there is work, memory and room on the device for.
   void find_room(Offset most_bytes) {
-    static_cast<LaneRoom&>(args_) = StepRobots<Real>::lay_out(args_.job, tree_);
+    StepRobots<Real>::lay_out(tree_, args_);
     const Offset team_bytes = static_cast<Offset>(sizeof(double)) * args_.numbers_per_team +
                               static_cast<Offset>(sizeof(Offset)) * kWarp * args_.lists_per_lane;
     const Offset wanted = (args_.env_count + kWarp - 1) / kWarp,
@@ -137,6 +164,7 @@ class DeviceArticulatedMachine final : public ArticulatedMachine<Real> {
     set.add(args_.job.observed, job.observed != nullptr ? Offset{kObservedArrays} : 0);
     set.add(args_.job.varied, job.varied != nullptr ? Offset{kVariedArrays} : 0);
     set.add(args_.job.active, envs);
+    set.add(first_, model.q_count);
     set.add(args_.tree, 1);
     set.add(args_.numbers, shape_.teams * args_.numbers_per_team);
     set.add(args_.lists, shape_.teams * kWarp * args_.lists_per_lane);
@@ -209,13 +237,14 @@ class DeviceArticulatedMachine final : public ArticulatedMachine<Real> {
   }
 
   std::shared_ptr<DeviceApi> api_;
-  KernelRef kernel_;
+  KernelRef kernel_, reset_;
   StreamHandle stream_ = nullptr;  ///< of the last steps
   Event done_;                     ///< after the last of them
   ResidentArrays arrays_;
   RobotTree tree_;
   RobotsArgs<Real> args_{};  ///< with pointers to the device's memory
   LaunchShape shape_;
+  const Real* first_ = nullptr;                      ///< coordinates that a reset gives
   std::array<Real*, kObservedArrays> observed_{};    ///< on the device, as args_.job.observed has them
   std::array<const Real*, kVariedArrays> varied_{};  ///< likewise
   DeviceMemory memory_;

@@ -62,16 +62,15 @@ void ResidentArrays::give_back(StreamHandle stream) {
   for (Resident* one : changed) one->seen.assign(one->host, one->host + one->bytes);
 }
 
-void ResidentArrays::overwrite(const void* array, const void* from, std::size_t bytes, CopyKind kind,
-                               StreamHandle stream) {
+void ResidentArrays::overwrite(const void* array, const void* from, std::size_t bytes, StreamHandle stream) {
   Resident* const one = find(array);
   if (one == nullptr || bytes == 0) return;
-  std::byte* const there = one->there + (static_cast<const std::byte*>(array) - one->host);
-  if (from == nullptr)
-    api_.fill_zero(there, bytes, stream);
-  else
-    api_.copy(there, from, bytes, kind, stream);
+  api_.copy(one->there, from, bytes, CopyKind::on_device, stream);
   one->leave();
+}
+
+void ResidentArrays::leave(const void* array) {
+  if (Resident* const one = find(array)) one->leave();
 }
 
 void ResidentArrays::note_work() {

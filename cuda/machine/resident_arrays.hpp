@@ -34,8 +34,10 @@ class ResidentArrays {
   /// Copies what the host has changed to the device, and waits for that. \throws Error(invalid_argument) if it was
   /// changed when it was no longer open.
   void give_back(StreamHandle stream);
-  /// Queues a copy of `from`, or zeros where it is null, to the device's copy of bytes of an array.
-  void overwrite(const void* array, const void* from, std::size_t bytes, CopyKind kind, StreamHandle stream);
+  /// Queues a copy from memory of the device to its copy of an array.
+  void overwrite(const void* array, const void* from, std::size_t bytes, StreamHandle stream);
+  /// Work is queued that writes one array on the device.
+  void leave(const void* array);
   /// Work is queued that writes on the device.
   void note_work();
   /// From now on the device's copies may change at any time.

@@ -1,4 +1,4 @@
-#include "cuda/kernels/robots_program.hpp"
+#include "cuda/kernels/robot_catalogue.hpp"
 #include "cuda/native/cuda_launch.cuh"
 #include "cuda/native/cuda_robots.hpp"
 

@@ -207,6 +207,21 @@ TEST(ResidentRobots, ASpanThatIsNoLongerValidIsRefusedWhereItWasWritten) {
   EXPECT_NE(error_message([&] { robots.step(); }).find("ctrl was changed"), std::string::npos);
 }
 
+/// A mask of every other environment has as many runs as environments.
+TEST(ResidentRobots, AResetIsOneLaunchWhateverTheMask) {
+  constexpr Offset kMany = 40;
+  const auto device = cuda::shared_emulated_device();
+  auto robots = robots_on<float>(Device::emulated(), walker(true), kMany, observing());
+  robots.step();
+  std::vector<std::uint8_t> mask(static_cast<std::size_t>(kMany));
+  for (std::size_t env = 0; env < mask.size(); ++env) mask[env] = env % 2;
+  const int launches = device->calls(DeviceCall::launch);
+  EXPECT_EQ(copies_of([&] { robots.reset(mask); }), 2);  // the mask, the first coordinates
+  EXPECT_EQ(device->calls(DeviceCall::launch), launches + 1);
+  EXPECT_EQ(robots.time()[1], 0);
+  EXPECT_GT(robots.time()[2], 0);
+}
+
 /// Streams that do their work in any order but that of events.
 TEST(ResidentRobots, StepsOfSeveralStreamsFollowOneAnother) {
   constexpr Offset kFew = 5;

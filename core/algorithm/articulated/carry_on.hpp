@@ -18,12 +18,13 @@ STICTION_HD Quaternion<Real> turned_exactly(const Quaternion<Real>& q, const Vec
 }
 
 /// Moves coordinates `from` by velocities over a time.
-template <class Real>
-STICTION_HD_OUTLINE void move_coordinates(const Robots<Real>& robots, const Real* from, const Real* qvel, Real time,
-                                          Real* to) {
+template <class Real, int kStride>
+STICTION_HD_OUTLINE void move_coordinates(const Robots<Real, kStride>& robots, const RobotNumbers<Real, kStride>& from,
+                                          const RobotNumbers<Real, kStride>& qvel, Real time,
+                                          const RobotNumbers<Real, kStride>& to) {
   for (Index j = 0; j < robots.model.joints; ++j) {
     const auto& joint = robots.model.joint[j];
-    const Real* v = qvel + joint.dof;
+    auto v = qvel.from(joint.dof);
     Index q = joint.q;
     if (joint.kind == JointKind::hinge || joint.kind == JointKind::slide) {
       to[q] = fma_(time, v[0], from[q]);
@@ -32,9 +33,10 @@ STICTION_HD_OUTLINE void move_coordinates(const Robots<Real>& robots, const Real
     if (joint.kind == JointKind::free) {
       for (Index k = 0; k < 3; ++k) to[q + k] = fma_(time, v[k], from[q + k]);
       q += 3;
-      v += 3;
+      v = v.from(3);
     }
-    put_quaternion(to + q, turned_exactly(load_quaternion(from + q), Vector3<Real>{v[0], v[1], v[2]}, time));
+    const Quaternion<Real> turned = turned_exactly(quaternion_of(from.from(q)), Vector3<Real>{v[0], v[1], v[2]}, time);
+    to.from(q).template as<Quaternion<Real>>().put(0, turned);
   }
 }
 
@@ -56,16 +58,15 @@ STICTION_HD Vector3<Real> rotation_rate(const Vector3<Real>& u, const Vector3<Re
 }
 
 /// Rates at which coordinates change at a stage that was reached by moving with `rate` over a time.
-template <class Real>
-STICTION_HD_OUTLINE void renew_rates(const Robots<Real>& robots, Real time) {
+template <class Real, int kStride>
+STICTION_HD_OUTLINE void renew_rates(const Robots<Real, kStride>& robots, Real time) {
   auto& work = robots.work;
   for (Index k = 0; k < robots.model.dof_count; ++k) {
     if (robots.model.dof[k].kind != DofKind::spin) {
       work.rate[k] = work.qvel[k];
       continue;
     }
-    Real* const rate = work.rate + k;
-    const Real* const spin = work.qvel + k;
+    const auto rate = work.rate.from(k), spin = work.qvel.from(k);
     const Vector3<Real> turned = scaled(time, Vector3<Real>{rate[0], rate[1], rate[2]});
     const Vector3<Real> found = rotation_rate(turned, Vector3<Real>{spin[0], spin[1], spin[2]});
     rate[0] = found.x;
@@ -77,14 +78,15 @@ STICTION_HD_OUTLINE void renew_rates(const Robots<Real>& robots, Real time) {
 
 /// Changes in velocities of a free body that carries no joint, where its gyroscopic moment is that of the new ones.
 /// With G b = w x I b + b x I w about the centre of mass, (I + h G) b = I qacc. The centre's acceleration stays.
-template <class Real>
-STICTION_HD void spin_implicitly(const Robots<Real>& robots, const ArticulatedJointData<Scalar<Real>>& joint,
-                                 Real* change) {
+template <class Real, int kStride>
+STICTION_HD void spin_implicitly(const Robots<Real, kStride>& robots, const ArticulatedJointData<Scalar<Real>>& joint,
+                                 const RobotNumbers<Real, kStride>& change) {
   const auto& work = robots.work;
   const Real step(robots.model.step);
   const Axes3<Real>& axes = work.axes[joint.body];
-  const Symmetric3<Real>& inertia = work.composite[joint.body].about;
-  const Real *const spin = work.qvel + joint.dof + 3, *const old = work.qacc + joint.dof;
+  const SpatialInertia<Real>& composite = work.composite[joint.body];
+  const Symmetric3<Real>& inertia = composite.about;
+  const auto spin = work.qvel.from(joint.dof + 3), old = work.qacc.from(joint.dof);
   const Vector3<Real> none = no_vector<Real>();
   const Vector3<Real> w = along(axes, {spin[0], spin[1], spin[2]}), before = along(axes, {old[3], old[4], old[5]});
   const Vector3<Real> momentum = add_product(none, inertia, w), moment = add_product(none, inertia, before);
@@ -110,25 +112,24 @@ STICTION_HD void spin_implicitly(const Robots<Real>& robots, const ArticulatedJo
 
 /// Semi-implicit Euler: velocities first. Damping and braking are those of the new velocities, if the model asks for
 /// it. Returns the lanes in which M with them is positive definite.
-template <class Real>
-STICTION_HD_OUTLINE Mask<Real> step_by_euler(const Robots<Real>& robots) {
+template <class Real, int kStride>
+STICTION_HD_OUTLINE Mask<Real> step_by_euler(const Robots<Real, kStride>& robots) {
   const auto& model = robots.model;
   auto& work = robots.work;
   const Real step(model.step);
-  Real* const change = work.sum_qacc;
+  const auto& change = work.sum_qacc;
   Mask<Real> definite = step == step;
   if (model.damps_implicitly || model.acts_implicitly) {
     SerialTeam team;
     multiply_symmetric(
-        team, robots.tree, [&](Index e) { return work.M[e]; }, [&](Index k) { return work.qacc[k]; },
-        RobotWorkspace<Real>::numbers(change));
+        team, robots.tree, [&](Index e) { return work.M[e]; }, [&](Index k) { return work.qacc[k]; }, change.numbers());
     definite = factor_masses(robots, work.damped, work.damped_inverse, true);
     solve_masses(robots, work.damped, work.damped_inverse, change);
   } else {
     for (Index k = 0; k < model.dof_count; ++k) change[k] = work.qacc[k];
   }
   for (Index j = 0; j < model.joints && model.spins_implicitly; ++j)
-    if (model.joint[j].is_lone) spin_implicitly(robots, model.joint[j], change + model.joint[j].dof);
+    if (model.joint[j].is_lone) spin_implicitly(robots, model.joint[j], change.from(model.joint[j].dof));
   for (Index k = 0; k < model.dof_count; ++k) work.qvel[k] = fma_(step, change[k], work.qvel[k]);
   move_coordinates(robots, work.qpos, work.qvel, step, work.qpos);
   return definite;

@@ -7,11 +7,11 @@
 namespace stiction::inline STICTION_ISA {
 
 /// Adds a joint's motion of a body, and its change by the motion of the axes.
-template <class Real>
-STICTION_HD void add_joint_motion(const Robots<Real>& robots, Index& dof, Twist<Real>& v, Twist<Real>& a) {
+template <class Real, int kStride>
+STICTION_HD void add_joint_motion(const Robots<Real, kStride>& robots, Index& dof, Twist<Real>& v, Twist<Real>& a) {
   const auto& work = robots.work;
   const DofKind kind = robots.model.dof[dof].kind;
-  const Real* const qvel = work.qvel + dof;
+  const auto qvel = work.qvel.from(dof);
   if (kind == DofKind::x) {
     v.linear = added(v.linear, Vector3<Real>{qvel[0], qvel[1], qvel[2]});
     dof += 3;
@@ -33,20 +33,20 @@ STICTION_HD void add_joint_motion(const Robots<Real>& robots, Index& dof, Twist<
 }
 
 /// Turns forces on bodies into forces of degrees of freedom, adding up from the leaves.
-template <class Real>
-STICTION_HD void project_forces(const Robots<Real>& robots, Real* to) {
+template <class Real, int kStride>
+STICTION_HD void project_forces(const Robots<Real, kStride>& robots, const RobotNumbers<Real, kStride>& to) {
   const auto& model = robots.model;
   auto& work = robots.work;
   for (Index b = model.bodies - 1; b > 0; --b) {
     const Index parent = model.body[b].parent;
-    if (parent > 0) work.force[parent] = added(work.force[parent], work.force[b]);
+    if (parent > 0) work.force.put(parent, added(work.force[parent], work.force[b]));
   }
   for (Index k = 0; k < model.dof_count; ++k) to[k] = force_along(robots, k, work.force[model.dof[k].body]);
 }
 
 /// Forces that hold the present velocities against gravity.
-template <class Real>
-STICTION_HD_OUTLINE void find_bias(const Robots<Real>& robots) {
+template <class Real, int kStride>
+STICTION_HD_OUTLINE void find_bias(const Robots<Real, kStride>& robots) {
   const auto& model = robots.model;
   auto& work = robots.work;
   for (Index b = 1; b < model.bodies; ++b) {
@@ -59,31 +59,31 @@ STICTION_HD_OUTLINE void find_bias(const Robots<Real>& robots) {
       a.linear = {Real(-model.gravity[0]), Real(-model.gravity[1]), Real(-model.gravity[2])};
     }
     for (Index dof = body.dof_begin; dof < body.dof_end;) add_joint_motion(robots, dof, v, a);
-    work.velocity[b] = v;
-    work.acceleration[b] = a;
+    work.velocity.put(b, v);
+    work.acceleration.put(b, a);
     const Real mass = mass_of(robots, b);
     const SpatialInertia<Real>& inertia = work.inertia[b];
-    work.force[b] = added(momentum(inertia, mass, a), cross_force(v, momentum(inertia, mass, v)));
+    work.force.put(b, added(momentum(inertia, mass, a), cross_force(v, momentum(inertia, mass, v))));
   }
   project_forces(robots, work.bias);
 }
 
 /// Forces that hold parts of bodies' weights, in the place of passive ones.
-template <class Real>
-STICTION_HD void find_held_weights(const Robots<Real>& robots) {
+template <class Real, int kStride>
+STICTION_HD void find_held_weights(const Robots<Real, kStride>& robots) {
   const auto& model = robots.model;
   auto& work = robots.work;
   const Vector3<Real> gravity = in_lanes<Real>(model.gravity);
   for (Index b = 1; b < model.bodies; ++b) {
     const Vector3<Real> force = scaled(-held_mass_of(robots, b), gravity);
-    work.force[b] = {force, cross(subtract(work.centre[b], work.tree_centre[model.body[b].root]), force)};
+    work.force.put(b, {force, cross(subtract(work.centre[b], work.tree_centre[model.body[b].root]), force)});
   }
   project_forces(robots, work.passive);
 }
 
 /// Forces of held weights, damping and springs.
-template <class Real>
-STICTION_HD void find_passive_forces(const Robots<Real>& robots) {
+template <class Real, int kStride>
+STICTION_HD void find_passive_forces(const Robots<Real, kStride>& robots) {
   const auto& model = robots.model;
   auto& work = robots.work;
   for (Index k = 0; k < model.dof_count; ++k) work.passive[k] = Real(0);
@@ -100,13 +100,13 @@ STICTION_HD void find_passive_forces(const Robots<Real>& robots) {
 
 /// Forces of actuators, and by how much they fall with velocities where the integrator asks for it. Clipped forces do
 /// not, as in MuJoCo's `implicitfast`.
-template <class Real>
-STICTION_HD void find_actuator_forces(const Robots<Real>& robots) {
+template <class Real, int kStride>
+STICTION_HD void find_actuator_forces(const Robots<Real, kStride>& robots) {
   const auto& model = robots.model;
   auto& work = robots.work;
   for (Index k = 0; k < model.dof_count; ++k) {
     work.actuator[k] = Real(0);
-    if (work.braking != nullptr) work.braking[k] = Real(0);
+    if (work.braking.data != nullptr) work.braking[k] = Real(0);
   }
   for (Index i = 0; i < model.actuator_count; ++i) {
     const auto& actuator = model.actuator[i];
@@ -123,7 +123,7 @@ STICTION_HD void find_actuator_forces(const Robots<Real>& robots) {
     const Real force = fma_(gain, control, bias);
     const Real clipped = clamp_(force, Real(actuator.force[0]), Real(actuator.force[1]));
     work.actuator[actuator.dof] = fma_(gear, clipped, work.actuator[actuator.dof]);
-    if (work.braking == nullptr) continue;
+    if (work.braking.data == nullptr) continue;
     const Real slope = fma_(own_or(robots, VariedArray::actuator_gain, 3 * i + 2, actuator.gain[2]), control,
                             own_or(robots, VariedArray::actuator_bias, 3 * i + 2, actuator.bias[2]));
     const Real moved = select(and_(force > Real(actuator.force[0]), force < Real(actuator.force[1])), slope, Real(0));
@@ -134,7 +134,7 @@ STICTION_HD void find_actuator_forces(const Robots<Real>& robots) {
     if (!joint.is_force_limited) continue;
     Real& force = work.actuator[joint.dof];
     const Real least(joint.force_range[0]), most(joint.force_range[1]);
-    if (work.braking != nullptr) {
+    if (work.braking.data != nullptr) {
       Real& braking = work.braking[joint.dof];
       braking = select(and_(force > least, force < most), braking, Real(0));
     }
@@ -143,8 +143,8 @@ STICTION_HD void find_actuator_forces(const Robots<Real>& robots) {
 }
 
 /// The acceleration without contacts and limits. Returns the lanes in which M is positive definite.
-template <class Real>
-STICTION_HD_OUTLINE Mask<Real> find_smooth_acceleration(const Robots<Real>& robots) {
+template <class Real, int kStride>
+STICTION_HD_OUTLINE Mask<Real> find_smooth_acceleration(const Robots<Real, kStride>& robots) {
   auto& work = robots.work;
   find_passive_forces(robots);
   find_actuator_forces(robots);

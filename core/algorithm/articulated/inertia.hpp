@@ -7,14 +7,14 @@
 namespace stiction::inline STICTION_ISA {
 
 /// Centres of mass of whole trees.
-template <class Real>
-STICTION_HD void find_tree_centres(const Robots<Real>& robots) {
+template <class Real, int kStride>
+STICTION_HD void find_tree_centres(const Robots<Real, kStride>& robots) {
   const auto& model = robots.model;
   auto& work = robots.work;
   for (Index b = 1; b < model.bodies; ++b) {
     const auto& body = model.body[b];
     const Vector3<Real> base = body.root == b ? no_vector<Real>() : work.tree_centre[body.root];
-    work.tree_centre[body.root] = add_scaled(base, mass_of(robots, b), work.centre[b]);
+    work.tree_centre.put(body.root, add_scaled(base, mass_of(robots, b), work.centre[b]));
   }
   for (Index b = 1; b < model.bodies; ++b) {
     const auto& body = model.body[b];
@@ -22,15 +22,16 @@ STICTION_HD void find_tree_centres(const Robots<Real>& robots) {
     const Real mass = subtree_mass_of(robots, b);
     const Mask<Real> has_mass = mass > Real(0);
     const Real divisor = select(has_mass, mass, Real(1));
-    Vector3<Real>& sum = work.tree_centre[b];
+    const Vector3<Real>& sum = work.tree_centre[b];
     const Vector3<Real>& own = work.centre[b];
-    sum = {select(has_mass, div_(sum.x, divisor), own.x), select(has_mass, div_(sum.y, divisor), own.y),
-           select(has_mass, div_(sum.z, divisor), own.z)};
+    work.tree_centre.put(b,
+                         {select(has_mass, div_(sum.x, divisor), own.x), select(has_mass, div_(sum.y, divisor), own.y),
+                          select(has_mass, div_(sum.z, divisor), own.z)});
   }
 }
 
-template <class Real>
-STICTION_HD SpatialInertia<Real> inertia_of(const Robots<Real>& robots, Index b) {
+template <class Real, int kStride>
+STICTION_HD SpatialInertia<Real> inertia_of(const Robots<Real, kStride>& robots, Index b) {
   const auto& body = robots.model.body[b];
   const auto& work = robots.work;
   const Vector3<Real> offset = subtract(work.centre[b], work.tree_centre[body.root]);
@@ -59,42 +60,43 @@ STICTION_HD Twist<Real> rotation_about(const Vector3<Real>& axis, const Vector3<
 }
 
 /// Motions that a joint's degrees of freedom make.
-template <class Real>
-STICTION_HD void find_motions(const Robots<Real>& robots, Index j) {
+template <class Real, int kStride>
+STICTION_HD void find_motions(const Robots<Real, kStride>& robots, Index j) {
   const auto& joint = robots.model.joint[j];
   const auto& work = robots.work;
-  Twist<Real>* to = work.motion + joint.dof;
+  const auto& motion = work.motion;
+  Index dof = joint.dof;
   if (joint.kind == JointKind::slide) {
-    *to = {work.axis[j], no_vector<Real>()};
+    motion.put(dof, {work.axis[j], no_vector<Real>()});
     return;
   }
   const Vector3<Real> arm = subtract(work.tree_centre[robots.model.body[joint.body].root], work.anchor[j]);
   if (joint.kind == JointKind::hinge) {
-    *to = rotation_about(work.axis[j], arm);
+    motion.put(dof, rotation_about(work.axis[j], arm));
     return;
   }
   if (joint.kind == JointKind::free) {
     const Vector3<Real> none = no_vector<Real>();
-    *to++ = {{Real(1), Real(0), Real(0)}, none};
-    *to++ = {{Real(0), Real(1), Real(0)}, none};
-    *to++ = {{Real(0), Real(0), Real(1)}, none};
+    motion.put(dof++, {{Real(1), Real(0), Real(0)}, none});
+    motion.put(dof++, {{Real(0), Real(1), Real(0)}, none});
+    motion.put(dof++, {{Real(0), Real(0), Real(1)}, none});
   }
   const Axes3<Real>& axes = work.axes[joint.body];
-  to[0] = rotation_about(axes.x, arm);
-  to[1] = rotation_about(axes.y, arm);
-  to[2] = rotation_about(axes.z, arm);
+  motion.put(dof, rotation_about(axes.x, arm));
+  motion.put(dof + 1, rotation_about(axes.y, arm));
+  motion.put(dof + 2, rotation_about(axes.z, arm));
 }
 
-template <class Real>
-STICTION_HD_OUTLINE void find_inertias(const Robots<Real>& robots) {
+template <class Real, int kStride>
+STICTION_HD_OUTLINE void find_inertias(const Robots<Real, kStride>& robots) {
   find_tree_centres(robots);
-  for (Index b = 1; b < robots.model.bodies; ++b) robots.work.inertia[b] = inertia_of(robots, b);
+  for (Index b = 1; b < robots.model.bodies; ++b) robots.work.inertia.put(b, inertia_of(robots, b));
   for (Index j = 0; j < robots.model.joints; ++j) find_motions(robots, j);
 }
 
 /// Force times the motion of a degree of freedom, of whose parts none is multiplied that the model knows.
-template <class Real>
-STICTION_HD Real force_along(const Robots<Real>& robots, Index dof, const Twist<Real>& force) {
+template <class Real, int kStride>
+STICTION_HD Real force_along(const Robots<Real, kStride>& robots, Index dof, const Twist<Real>& force) {
   switch (robots.model.dof[dof].kind) {
     case DofKind::x:
       return force.linear.x;
@@ -110,24 +112,24 @@ STICTION_HD Real force_along(const Robots<Real>& robots, Index dof, const Twist<
 }
 
 /// M in the tree's envelope.
-template <class Real>
-STICTION_HD_OUTLINE void find_mass_matrix(const Robots<Real>& robots) {
+template <class Real, int kStride>
+STICTION_HD_OUTLINE void find_mass_matrix(const Robots<Real, kStride>& robots) {
   const auto& model = robots.model;
   auto& work = robots.work;
-  for (Index b = 1; b < model.bodies; ++b) work.composite[b] = work.inertia[b];
+  for (Index b = 1; b < model.bodies; ++b) work.composite.put(b, work.inertia[b]);
   for (Index b = model.bodies - 1; b > 0; --b) {
     const Index parent = model.body[b].parent;
     if (parent == 0) continue;
     const SpatialInertia<Real>& from = work.composite[b];
-    SpatialInertia<Real>& to = work.composite[parent];
+    const SpatialInertia<Real>& to = work.composite[parent];
     const Symmetric3<Real>&s = from.about, &t = to.about;
-    to.about = {t.xx + s.xx, t.xy + s.xy, t.xz + s.xz, t.yy + s.yy, t.yz + s.yz, t.zz + s.zz};
-    to.moment = added(to.moment, from.moment);
+    work.composite.put(parent, {{t.xx + s.xx, t.xy + s.xy, t.xz + s.xz, t.yy + s.yy, t.yz + s.yz, t.zz + s.zz},
+                                added(to.moment, from.moment)});
   }
   for (Index k = 0; k < model.dof_count; ++k) {
     const Index b = model.dof[k].body;
     const Twist<Real> force = momentum(work.composite[b], subtree_mass_of(robots, b), work.motion[k]);
-    Real* const row = work.M + robots.tree.begin[k];
+    const auto row = work.M.from(robots.tree.begin[k]);
     const auto* const path = robots.tree.path(k);
     const Index own = robots.tree.depth[k];
     for (Index d = 0; d <= own; ++d) row[d] = force_along(robots, path[d], force);
@@ -136,24 +138,25 @@ STICTION_HD_OUTLINE void find_mass_matrix(const Robots<Real>& robots) {
 }
 
 /// Factors M, or M with damping and braking over a step. Returns the lanes in which it is positive definite.
-template <class Real>
-STICTION_HD Mask<Real> factor_masses(const Robots<Real>& robots, Real* factor, Real* inverse, bool is_damped) {
-  using Work = RobotWorkspace<Real>;
+template <class Real, int kStride>
+STICTION_HD Mask<Real> factor_masses(const Robots<Real, kStride>& robots, const RobotNumbers<Real, kStride>& factor,
+                                     const RobotNumbers<Real, kStride>& inverse, bool is_damped) {
+  const auto& work = robots.work;
   SerialTeam team;
-  for (Index e = 0; e < robots.tree.entries; ++e) factor[e] = robots.work.M[e];
+  for (Index e = 0; e < robots.tree.entries; ++e) factor[e] = work.M[e];
   if (is_damped)
     for (Index k = 0; k < robots.model.dof_count; ++k) {
       Real& diagonal = factor[robots.tree.diagonal(k)];
       if (robots.model.damps_implicitly) diagonal = diagonal + step_damping_of(robots, k);
-      if (robots.work.braking != nullptr) diagonal = fma_(Real(robots.model.step), robots.work.braking[k], diagonal);
+      if (work.braking.data != nullptr) diagonal = fma_(Real(robots.model.step), work.braking[k], diagonal);
     }
-  return factor_tree(team, robots.tree, Work::numbers(factor), Work::numbers(inverse));
+  return factor_tree(team, robots.tree, factor.numbers(), inverse.numbers());
 }
-template <class Real>
-STICTION_HD void solve_masses(const Robots<Real>& robots, Real* factor, Real* inverse, Real* x) {
-  using Work = RobotWorkspace<Real>;
+template <class Real, int kStride>
+STICTION_HD void solve_masses(const Robots<Real, kStride>& robots, const RobotNumbers<Real, kStride>& factor,
+                              const RobotNumbers<Real, kStride>& inverse, const RobotNumbers<Real, kStride>& x) {
   SerialTeam team;
-  solve_tree(team, robots.tree, Work::numbers(factor), Work::numbers(inverse), Work::numbers(x));
+  solve_tree(team, robots.tree, factor.numbers(), inverse.numbers(), x.numbers());
 }
 
 }  // namespace stiction::inline STICTION_ISA

@@ -50,8 +50,8 @@ struct LaneContacts {
 
 /// The direction that the first tangent is made of, as MuJoCo's mju_makeFrame has it: a capsule's axis on a plane,
 /// else y, else z.
-template <class Wide>
-STICTION_HD Vector3<Wide> hint_of(const Robots<Wide>& robots, const ArticulatedPairData<Scalar<Wide>>& pair,
+template <class Wide, int kStride>
+STICTION_HD Vector3<Wide> hint_of(const Robots<Wide, kStride>& robots, const ArticulatedPairData<Scalar<Wide>>& pair,
                                   const Vector3<Wide>& normal) {
   const auto &a = robots.model.geom[pair.geom_a], &b = robots.model.geom[pair.geom_b];
   if (a.kind == GeomKind::plane && b.kind == GeomKind::capsule) return robots.work.geom_axes[pair.geom_b].z;
@@ -60,8 +60,8 @@ STICTION_HD Vector3<Wide> hint_of(const Robots<Wide>& robots, const ArticulatedP
 }
 
 /// The contacts that lanes have as their number `rank` in a class. Lanes without one have the numbers of another's.
-template <class Wide>
-STICTION_HD LaneContacts<Wide> find_contacts(const Robots<Wide>& robots, const RowClass& rows, Index rank) {
+template <class Wide, int kStride>
+STICTION_HD LaneContacts<Wide> find_contacts(const Robots<Wide, kStride>& robots, const RowClass& rows, Index rank) {
   using T = Scalar<Wide>;
   const auto& work = robots.work;
   LaneContacts<Wide> found;
@@ -85,7 +85,7 @@ STICTION_HD LaneContacts<Wide> find_contacts(const Robots<Wide>& robots, const R
     found.has = is_first ? where : or_(found.has, where);
     is_first = false;
   });
-  if (own_numbers(robots, VariedArray::pair_friction) != nullptr) found.follow_friction(robots.model, rows.dim);
+  if (own_numbers(robots, VariedArray::pair_friction).data != nullptr) found.follow_friction(robots.model, rows.dim);
   return found;
 }
 

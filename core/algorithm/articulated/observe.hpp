@@ -10,7 +10,7 @@ namespace stiction::inline STICTION_ISA {
 template <class Types>
 struct ContactForces {
   using Wide = typename Types::Wide;
-  const Robots<Wide>& robots;
+  const RobotsOf<Types>& robots;
   const SlotOf<Types>* slots;
   const Index* groups_of;  ///< of each class
 
@@ -48,8 +48,8 @@ struct ContactForces {
     const auto masked = [&](const Vector3<Wide>& a) {
       return Vector3<Wide>{select(where, a.x, Wide(0)), select(where, a.y, Wide(0)), select(where, a.z, Wide(0))};
     };
-    Twist<Wide>& sum = robots.work.contact_force[body];
-    sum = added(sum, Twist<Wide>{masked(force.linear), masked(moment)});
+    const auto& sum = robots.work.contact_force;
+    sum.put(body, added(sum[body], Twist<Wide>{masked(force.linear), masked(moment)}));
   }
 
   STICTION_HD void add_contact(Index s, const RowClass& rows, Index rank) const {
@@ -71,7 +71,7 @@ struct ContactForces {
   /// Forces of all contacts. `has_rows`: some lane has a row.
   STICTION_HD_OUTLINE void add_all(bool has_rows) const {
     const auto& model = robots.model;
-    for (Index b = 0; b < model.bodies; ++b) robots.work.contact_force[b] = no_motion<Wide>();
+    for (Index b = 0; b < model.bodies; ++b) robots.work.contact_force.put(b, no_motion<Wide>());
     Index s = 0;
     for (Index c = 0; c < model.classes && has_rows; ++c) {
       const RowClass& rows = model.row_class[c];
@@ -82,26 +82,27 @@ struct ContactForces {
 };
 
 /// Writes observations as the batch's arrays have them.
-template <class Real>
+template <class Real, int kStride>
 struct BodyObserver {
-  const Robots<Real>& robots;
+  using Reals = RobotNumbers<Real, kStride>;
+  const Robots<Real, kStride>& robots;
 
-  [[nodiscard]] STICTION_HD Real* array(ObservedArray which) const {
+  [[nodiscard]] STICTION_HD Reals array(ObservedArray which) const {
     return robots.work.observed[static_cast<std::size_t>(which)];
   }
-  static STICTION_HD void put(const Vector3<Real>& from, Real* to) {
+  static STICTION_HD void put(const Vector3<Real>& from, const Reals& to) {
     to[0] = from.x;
     to[1] = from.y;
     to[2] = from.z;
   }
-  static STICTION_HD void put(const Twist<Real>& from, Real* to) {
+  static STICTION_HD void put(const Twist<Real>& from, const Reals& to) {
     put(from.angular, to);
-    put(from.linear, to + 3);
+    put(from.linear, to.from(3));
   }
-  static STICTION_HD void put(const SpatialInertia<Real>& from, Real mass, Real* to) {
+  static STICTION_HD void put(const SpatialInertia<Real>& from, Real mass, const Reals& to) {
     put(Vector3<Real>{from.about.xx, from.about.yy, from.about.zz}, to);
-    put(Vector3<Real>{from.about.xy, from.about.xz, from.about.yz}, to + 3);
-    put(from.moment, to + 6);
+    put(Vector3<Real>{from.about.xy, from.about.xz, from.about.yz}, to.from(3));
+    put(from.moment, to.from(6));
     to[9] = mass;
   }
 
@@ -112,17 +113,16 @@ struct BodyObserver {
       put(no_motion<Real>(), array(which));
     for (Index k = 0; k < 10; ++k) array(ObservedArray::cinert)[k] = Real(0);
     for (Index b = 1; b < robots.model.bodies; ++b) {
-      put(work.position[b], array(ObservedArray::xpos) + 3 * b);
-      put(work.centre[b], array(ObservedArray::xipos) + 3 * b);
-      put(work.inertia[b], mass_of(robots, b), array(ObservedArray::cinert) + 10 * b);
-      put(work.velocity[b], array(ObservedArray::cvel) + 6 * b);
-      put(work.contact_force[b], array(ObservedArray::cfrc_ext) + 6 * b);
+      put(work.position[b], array(ObservedArray::xpos).from(3 * b));
+      put(work.centre[b], array(ObservedArray::xipos).from(3 * b));
+      put(work.inertia[b], mass_of(robots, b), array(ObservedArray::cinert).from(10 * b));
+      put(work.velocity[b], array(ObservedArray::cvel).from(6 * b));
+      put(work.contact_force[b], array(ObservedArray::cfrc_ext).from(6 * b));
     }
   }
   STICTION_HD void write_tendons() const {
     const auto& model = robots.model;
-    Real* const length = array(ObservedArray::ten_length);
-    Real* const rate = array(ObservedArray::ten_velocity);
+    const auto length = array(ObservedArray::ten_length), rate = array(ObservedArray::ten_velocity);
     for (Index t = 0; t < model.observed_width[static_cast<std::size_t>(ObservedArray::ten_length)]; ++t)
       length[t] = rate[t] = Real(0);
     for (Index i = 0; i < model.tendon_terms; ++i) {
@@ -135,7 +135,7 @@ struct BodyObserver {
   STICTION_HD_OUTLINE void write() const {
     write_bodies();
     write_tendons();
-    Real* const actuator = array(ObservedArray::qfrc_actuator);
+    const auto actuator = array(ObservedArray::qfrc_actuator);
     for (Index k = 0; k < robots.model.dof_count; ++k) actuator[k] = robots.work.actuator[k];
   }
 };

@@ -8,7 +8,7 @@ namespace stiction::inline STICTION_ISA {
 template <class Types>
 struct RobotProbe {
   using Wide = typename Types::Wide;
-  const Robots<Wide>& robots;
+  const RobotsOf<Types>& robots;
   const ArticulatedProbeView& to;
   const VelocityWorkspace<Types>* workspace;
   const SlotOf<Types>* slots;
@@ -19,7 +19,7 @@ struct RobotProbe {
   [[nodiscard]] STICTION_HD double number(const Wide& value) const {
     return static_cast<double>(number_in(value, lane));
   }
-  STICTION_HD void copy(const Wide* from, Index count, double* array) const {
+  STICTION_HD void copy(const typename WorkspaceOf<Types>::Reals& from, Index count, double* array) const {
     for (Index k = 0; k < count; ++k) array[env * count + k] = number(from[k]);
   }
 
@@ -79,8 +79,8 @@ struct RobotProbe {
 };
 
 template <class Types>
-STICTION_HD void probe_robots(const Robots<typename Types::Wide>& robots, const ArticulatedProbeView& to, Offset env,
-                              int lane, const VelocityWorkspace<Types>* workspace, const SlotOf<Types>* slots,
+STICTION_HD void probe_robots(const RobotsOf<Types>& robots, const ArticulatedProbeView& to, Offset env, int lane,
+                              const VelocityWorkspace<Types>* workspace, const SlotOf<Types>* slots,
                               const Index* groups_of) {
   RobotProbe<Types>{robots, to, workspace, slots, groups_of, lane, env}.copy_all();
 }

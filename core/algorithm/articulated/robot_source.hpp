@@ -31,7 +31,7 @@ template <class Types>
 struct RobotSource {
   using Wide = typename Types::Wide;
   using Number = typename Types::Number;
-  const Robots<Wide>& robots;
+  const RobotsOf<Types>& robots;
   const Index* groups_of;  ///< of each class
   double tolerance;
   Index max_iterations;
@@ -85,16 +85,14 @@ struct RobotSource {
   [[nodiscard]] STICTION_HD bool has_reactions() const { return false; }
   [[nodiscard]] STICTION_HD bool has_velocities() const { return true; }
   STICTION_HD void load_reactions(const SlotOf<Types>&, const typename Types::Numbers&) const {}
-  [[nodiscard]] STICTION_HD Number first_velocity(int l, Index k) const {
-    return RobotWorkspace<Wide>::numbers(robots.work.start).at(k, l);
-  }
+  [[nodiscard]] STICTION_HD Number first_velocity(int l, Index k) const { return robots.work.start.numbers().at(k, l); }
 
   STICTION_HD void write_lane(const VelocityWorkspace<Types>& workspace, const SlotOf<Types>*, const SlotCounts&,
                               int l) const {
-    const auto qacc = RobotWorkspace<Wide>::numbers(robots.work.qacc);
+    const auto qacc = robots.work.qacc.numbers();
     for (Index k = 0; k < robots.model.dof_count; ++k)
       qacc.at(k, l) = canonical_zero(static_cast<Number>(workspace.velocity[Offset{k} * Types::kStride + l]));
-    const auto reaction = RobotWorkspace<Wide>::numbers(robots.work.reaction);
+    const auto reaction = robots.work.reaction.numbers();
     for (Index row = 0; row < kept_rows; ++row) reaction.at(row, l) = workspace.x.at(row, l);
   }
   /// Writes down how a lane ended; without an answer its accelerations are those of the last reactions looked at.

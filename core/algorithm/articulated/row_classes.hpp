@@ -8,24 +8,24 @@
 namespace stiction::inline STICTION_ISA {
 
 /// The lanes that have the rows of a group of the pack.
-template <class Real>
-STICTION_HD Mask<Real> lanes_with(const Robots<Real>& robots, const RowClass& rows, const RowGroup& group) {
+template <class Real, int kStride>
+STICTION_HD Mask<Real> lanes_with(const Robots<Real, kStride>& robots, const RowClass& rows, const RowGroup& group) {
   if (rows.source == RowSource::limit) return robots.work.limited[group.index];
   if (rows.source == RowSource::contact) return robots.work.touches[group.index];
   if (rows.source == RowSource::loss) return friction_loss_of(robots, group.index) > Real(0);
   return Real(0) == Real(0);
 }
 /// Returns true if some lane has the rows of a group.
-template <class Real>
-STICTION_HD bool is_in_pack(const Robots<Real>& robots, const RowClass& rows, const RowGroup& group) {
+template <class Real, int kStride>
+STICTION_HD bool is_in_pack(const Robots<Real, kStride>& robots, const RowClass& rows, const RowGroup& group) {
   if (rows.source == RowSource::limit) return robots.work.is_limit[group.index] != 0;
   if (rows.source == RowSource::contact) return robots.work.is_point[group.index] != 0;
   return rows.source != RowSource::loss || any(lanes_with(robots, rows, group));
 }
 
 /// Ranks groups of a class in every lane, those that the lane has. Returns the most that a lane has.
-template <class Real>
-STICTION_HD Index rank_groups(const Robots<Real>& robots, const RowClass& rows) {
+template <class Real, int kStride>
+STICTION_HD Index rank_groups(const Robots<Real, kStride>& robots, const RowClass& rows) {
   Real count(0);
   Index most = 0;
   for (Index g = rows.begin; g < rows.end; ++g) {
@@ -42,8 +42,8 @@ STICTION_HD Index rank_groups(const Robots<Real>& robots, const RowClass& rows) 
 /// The rows that some lane has, as slots of a pack. All lanes have the same ones; a lane without the class holds
 /// numbers of no row. `groups_of`: how many groups each class has here (classes).
 template <class Types>
-STICTION_HD SlotCounts list_slots(const Robots<typename Types::Wide>& robots, SlotOf<Types>* slots,
-                                  SmallOf<Types>* columns, Index* groups_of) {
+STICTION_HD SlotCounts list_slots(const RobotsOf<Types>& robots, SlotOf<Types>* slots, SmallOf<Types>* columns,
+                                  Index* groups_of) {
   const auto& model = robots.model;
   SlotCounts counts;
   for (Index c = 0; c < model.classes; ++c) {
@@ -66,8 +66,8 @@ STICTION_HD SlotCounts list_slots(const Robots<typename Types::Wide>& robots, Sl
 }
 
 /// f(group, lanes) of the groups that lanes have as their number `rank` in a class.
-template <class Real, class F>
-STICTION_HD void for_each_of_rank(const Robots<Real>& robots, const RowClass& rows, Index rank, F&& f) {
+template <class Real, int kStride, class F>
+STICTION_HD void for_each_of_rank(const Robots<Real, kStride>& robots, const RowClass& rows, Index rank, F&& f) {
   const Real own(static_cast<Scalar<Real>>(rank));
   for (Index g = rows.begin; g < rows.end; ++g) {
     if (!is_in_pack(robots, rows, robots.model.group[g])) continue;

@@ -36,7 +36,7 @@ template <class Types>
 struct RowWriter {
   using Wide = typename Types::Wide;
   using T = Scalar<Wide>;
-  const Robots<Wide>& robots;
+  const RobotsOf<Types>& robots;
   const VelocityWorkspace<Types>& to;
   const SlotOf<Types>* slots;
   const Index* groups_of;

@@ -17,10 +17,12 @@ class RobotStep {
  public:
   using Real = typename Types::Wide;
   using T = Scalar<Real>;
+  using Work = WorkspaceOf<Types>;
+  using Reals = typename Work::Reals;
   static constexpr int kLanes = Types::kLanes;
 
-  STICTION_HD RobotStep(const ArticulatedJob<T>& job, const RobotTree& tree, RobotWorkspace<Real>& work,
-                        RobotLists<Types>& lists, const Memory& memory)
+  STICTION_HD RobotStep(const ArticulatedJob<T>& job, const RobotTree& tree, Work& work, RobotLists<Types>& lists,
+                        const Memory& memory)
       : job_(job), robots_{job.model, tree, work}, work_(work), lists_(lists), memory_(memory) {}
 
   /// Takes `count` <= kLanes environments in, with constants of their own, which no step changes.
@@ -63,20 +65,20 @@ class RobotStep {
   }
 
   /// Rows of an array by environment into lanes.
-  STICTION_HD void load_rows(const T* rows, Index width, Real* to) const {
-    T* const numbers = reinterpret_cast<T*>(to);
+  STICTION_HD void load_rows(const T* rows, Index width, const Reals& to) const {
+    const auto numbers = to.numbers();
     for (int l = 0; l < kLanes; ++l) {
       const T* const row = rows + envs_[l] * width;
-      for (Index k = 0; k < width; ++k) numbers[Offset{k} * kLanes + l] = row[k];
+      for (Index k = 0; k < width; ++k) numbers.at(k, l) = row[k];
     }
   }
-  STICTION_HD void store_row(const Real* from, Index width, T* rows, int l) const {
-    const T* const numbers = reinterpret_cast<const T*>(from);
-    for (Index k = 0; k < width; ++k) rows[envs_[l] * width + k] = canonical_zero(numbers[Offset{k} * kLanes + l]);
+  STICTION_HD void store_row(const Reals& from, Index width, T* rows, int l) const {
+    const auto numbers = from.numbers();
+    for (Index k = 0; k < width; ++k) rows[envs_[l] * width + k] = canonical_zero(numbers.at(k, l));
   }
 
   /// Adds zero times every number of an array: what is not finite makes NaN of it.
-  static STICTION_HD Real add_nothing(const Real* numbers, Index count, Real sum) {
+  static STICTION_HD Real add_nothing(const Reals& numbers, Index count, Real sum) {
     for (Index k = 0; k < count; ++k) sum = fma_(numbers[k], Real(0), sum);
     return sum;
   }
@@ -95,7 +97,7 @@ class RobotStep {
 
   STICTION_HD void load_constants() {
     for (std::size_t k = 0; k < kVariedArrays; ++k) {
-      if (work_.varied[k] == nullptr) continue;
+      if (work_.varied[k].data == nullptr) continue;
       const auto which = static_cast<VariedArray>(k);
       const Index width = job_.model.varied_width[k];
       load_rows(job_.varied[k], width, work_.varied[k]);
@@ -103,7 +105,7 @@ class RobotStep {
       for (int l = 0; l < kLanes; ++l)
         if ((sound >> l & 1U) == 0) constant_flags_[l] |= flag_of(which);
     }
-    if (work_.subtree_mass != nullptr) find_subtree_masses(robots_);
+    if (work_.subtree_mass.data != nullptr) find_subtree_masses(robots_);
   }
   STICTION_HD void load() {
     const ArticulatedModelView<T>& model = job_.model;
@@ -159,7 +161,7 @@ class RobotStep {
     });
     find_limits(robots_);
     solve(lanes_ & definite, observes);
-    if (observes) BodyObserver<Real>{robots_}.write();
+    if (observes) BodyObserver<Real, Types::kStride>{robots_}.write();
   }
 
   STICTION_HD_OUTLINE void solve(unsigned lanes, bool observes) {
@@ -212,7 +214,7 @@ class RobotStep {
     for_each_lane([&](int l) { job_.touched[envs_[l]] = touched[l]; });
   }
 
-  STICTION_HD void copy(const Real* from, Index count, Real* to) const {
+  STICTION_HD void copy(const Reals& from, Index count, const Reals& to) const {
     for (Index k = 0; k < count; ++k) to[k] = from[k];
   }
   /// Runge and Kutta's method of order 4, with MuJoCo's sums.
@@ -234,7 +236,7 @@ class RobotStep {
         work_.sum_rate[k] = fma_(Real(weight[stage]), work_.rate[k], work_.sum_rate[k]);
         work_.sum_qacc[k] = fma_(Real(weight[stage]), work_.qacc[k], work_.sum_qacc[k]);
       }
-      const Real* const acceleration = is_last ? work_.sum_qacc : work_.qacc;
+      const Reals& acceleration = is_last ? work_.sum_qacc : work_.qacc;
       time = Real(job_.model.step) * Real(ahead[stage]);
       move_coordinates(robots_, work_.first_qpos, is_last ? work_.sum_rate : work_.rate, time, work_.qpos);
       for (Index k = 0; k < dofs; ++k) work_.qvel[k] = fma_(time, acceleration[k], work_.first_qvel[k]);
@@ -258,8 +260,8 @@ class RobotStep {
   }
 
   const ArticulatedJob<T>& job_;
-  Robots<Real> robots_;
-  RobotWorkspace<Real>& work_;
+  RobotsOf<Types> robots_;
+  Work& work_;
   RobotLists<Types>& lists_;
   const Memory& memory_;
   RobotRecord records_[kLanes];
@@ -269,23 +271,28 @@ class RobotStep {
   std::uint32_t constant_flags_[kLanes] = {};  ///< of constants out of range
 };
 
-/// Bytes that step_robots() asks its memory for.
+/// Bytes that step_robots() asks its memory for: lists of a pack or of a lane, and numbers of all lanes side by side.
+struct RobotBytes {
+  Offset lists, numbers;
+};
 template <class Types, class T>
-STICTION_HD Offset bytes_of_robots(const ArticulatedJob<T>& job, const RobotTree& tree) {
+STICTION_HD RobotBytes bytes_of_robots(const ArticulatedJob<T>& job, const RobotTree& tree) {
   RobotLists<Types> lists;
-  RobotWorkspace<typename Types::Wide> work;
-  return lists.place(job.model, nullptr) + work.place(job, tree.entries, nullptr);
+  WorkspaceOf<Types> work;
+  return {lists.place(job.model, nullptr), work.place(job, tree.entries, nullptr, 0)};
 }
 
-/// Makes `steps` steps of `count` <= kLanes environments, the last one observed. memory.lists(bytes) is for all but
-/// the workspace of a solve, which memory.numbers(lists, counts) makes. `tree`: of the job's model.
+/// Makes `steps` steps of `count` <= kLanes environments, the last one observed. `memory` has, beside
+/// memory.lists(bytes), memory.numbers(lists, counts) for the workspace of a solve and memory.stages(bytes) for all
+/// other numbers, of which lane memory.lane has its own. `tree`: of the job's model.
 template <class Types, class T, class Memory>
 STICTION_HD void step_robots(const ArticulatedJob<T>& job, const RobotTree& tree, const Offset* envs, Index count,
                              Index steps, const Memory& memory) {
-  auto* const bytes = static_cast<char*>(memory.lists(bytes_of_robots<Types>(job, tree)));
+  const RobotBytes bytes = bytes_of_robots<Types>(job, tree);
   RobotLists<Types> lists;
-  RobotWorkspace<typename Types::Wide> work;
-  work.place(job, tree.entries, bytes + lists.place(job.model, bytes));
+  WorkspaceOf<Types> work;
+  lists.place(job.model, static_cast<char*>(memory.lists(bytes.lists)));
+  work.place(job, tree.entries, static_cast<char*>(memory.stages(bytes.numbers)), memory.lane);
   RobotStep<Types, Memory> step(job, tree, work, lists, memory);
   step.take(envs, count);
   for (Index k = 0; k < steps; ++k) step.run(k + 1 == steps);

@@ -12,29 +12,29 @@
 namespace stiction::inline STICTION_ISA {
 
 /// Writes down a point where a lane has it and it is nearer than the pair's margin.
-template <class Real, class T>
-STICTION_HD void put_point(const Robots<Real>& robots, const ArticulatedPairData<T>& pair, Index at, Mask<Real> has,
-                           const ContactCandidate<Real>& found) {
+template <class Real, int kStride, class T>
+STICTION_HD void put_point(const Robots<Real, kStride>& robots, const ArticulatedPairData<T>& pair, Index at,
+                           Mask<Real> has, const ContactCandidate<Real>& found) {
   auto& work = robots.work;
   work.distance[at] = -found.depth;
   work.touches[at] = and_(has, work.distance[at] < Real(pair.margin));
   work.is_point[at] = any(work.touches[at]) ? 1 : 0;
-  work.point[at] = found.point;
-  work.normal[at] = found.normal;
+  work.point.put(at, found.point);
+  work.normal.put(at, found.normal);
 }
 
 /// Lanes in which two shapes are near enough to touch.
-template <class Real, class T>
-STICTION_HD Mask<Real> are_near(const Robots<Real>& robots, const ArticulatedPairData<T>& pair) {
+template <class Real, int kStride, class T>
+STICTION_HD Mask<Real> are_near(const Robots<Real, kStride>& robots, const ArticulatedPairData<T>& pair) {
   const auto& place = robots.work.geom_position;
   const Vector3<Real> apart = subtract(place[pair.geom_a], place[pair.geom_b]);
   return dot(apart, apart) < Real(pair.bound * pair.bound);
 }
 
 /// The first four corners below the centre, of those within reach.
-template <class Real, class T>
-STICTION_HD void touch_corners(const Robots<Real>& robots, const ArticulatedPairData<T>& pair, const T (&size)[3],
-                               Real height, const Vector3<Real>& normal) {
+template <class Real, int kStride, class T>
+STICTION_HD void touch_corners(const Robots<Real, kStride>& robots, const ArticulatedPairData<T>& pair,
+                               const T (&size)[3], Real height, const Vector3<Real>& normal) {
   const auto& work = robots.work;
   Real taken(0);
   for (Index k = 0; k < 8; ++k) {
@@ -50,8 +50,8 @@ STICTION_HD void touch_corners(const Robots<Real>& robots, const ArticulatedPair
 
 /// The rim of a cylinder: its lowest point, and the one above that at the other end. Two more of the lower end are a
 /// third of a turn to either side. A cylinder that stands has the first on its x axis.
-template <class Real, class T>
-STICTION_HD void touch_rim(const Robots<Real>& robots, const ArticulatedPairData<T>& pair, const T (&size)[3],
+template <class Real, int kStride, class T>
+STICTION_HD void touch_rim(const Robots<Real, kStride>& robots, const ArticulatedPairData<T>& pair, const T (&size)[3],
                            Real height, const Vector3<Real>& normal) {
   constexpr auto kHalfRootOf3 = static_cast<T>(0.86602540378443864676);
   const auto& work = robots.work;
@@ -74,8 +74,8 @@ STICTION_HD void touch_rim(const Robots<Real>& robots, const ArticulatedPairData
 }
 
 /// A plane and something round, or a box.
-template <class Real, class T>
-STICTION_HD void touch_ground(const Robots<Real>& robots, const ArticulatedPairData<T>& pair) {
+template <class Real, int kStride, class T>
+STICTION_HD void touch_ground(const Robots<Real, kStride>& robots, const ArticulatedPairData<T>& pair) {
   auto& work = robots.work;
   const auto& geom = robots.model.geom[pair.geom_b];
   const Vector3<Real> normal = in_lanes<Real>(pair.normal);
@@ -108,8 +108,8 @@ STICTION_HD NearestPair<Real> beside_end(const Segment<Real>& one, const Segment
 
 /// Two round shapes: segments with a radius. If their middle lines cross, the normal is across both. Parallel capsules
 /// touch at both ends of where they lie along each other.
-template <class Real, class T>
-STICTION_HD void touch_round(const Robots<Real>& robots, const ArticulatedPairData<T>& pair) {
+template <class Real, int kStride, class T>
+STICTION_HD void touch_round(const Robots<Real, kStride>& robots, const ArticulatedPairData<T>& pair) {
   constexpr T kAlongSame = T(1e-8);  // of the square of a sine
   const Real least{T(kLeastValue)};
   auto& work = robots.work;
@@ -137,8 +137,8 @@ STICTION_HD void touch_round(const Robots<Real>& robots, const ArticulatedPairDa
 }
 
 /// Lanes in which no axis of a box parts it from something round by the margin.
-template <class Real, class T>
-STICTION_HD Mask<Real> are_near_faces(const Robots<Real>& robots, const ArticulatedPairData<T>& pair) {
+template <class Real, int kStride, class T>
+STICTION_HD Mask<Real> are_near_faces(const Robots<Real, kStride>& robots, const ArticulatedPairData<T>& pair) {
   constexpr T kMore = T(1.0001);  // than rounding
   const auto &round = robots.model.geom[pair.geom_a], &box = robots.model.geom[pair.geom_b];
   const Axes3<Real>& axes = robots.work.geom_axes[pair.geom_b];
@@ -155,8 +155,8 @@ STICTION_HD Mask<Real> are_near_faces(const Robots<Real>& robots, const Articula
 }
 
 /// A box and all but a plane.
-template <class Real, class T>
-STICTION_HD void touch_box(const Robots<Real>& robots, const ArticulatedPairData<T>& pair) {
+template <class Real, int kStride, class T>
+STICTION_HD void touch_box(const Robots<Real, kStride>& robots, const ArticulatedPairData<T>& pair) {
   for (Index k = 0; k < pair.points; ++k) robots.work.is_point[pair.first + k] = 0;
   auto near = are_near(robots, pair);
   if (!has_three_axes(robots.model.geom[pair.geom_a].kind) && any(near))
@@ -165,8 +165,8 @@ STICTION_HD void touch_box(const Robots<Real>& robots, const ArticulatedPairData
 }
 
 /// A height field and something round, or a box. Returns a bit for each lane that had more points than places.
-template <class Real, class T>
-STICTION_HD unsigned touch_field(const Robots<Real>& robots, const ArticulatedPairData<T>& pair) {
+template <class Real, int kStride, class T>
+STICTION_HD unsigned touch_field(const Robots<Real, kStride>& robots, const ArticulatedPairData<T>& pair) {
   const auto& work = robots.work;
   for (Index k = 0; k < pair.points; ++k) work.is_point[pair.first + k] = 0;
   const Vector3<Real> apart = subtract(work.geom_position[pair.geom_b], work.geom_position[pair.geom_a]);
@@ -175,8 +175,8 @@ STICTION_HD unsigned touch_field(const Robots<Real>& robots, const ArticulatedPa
 }
 
 /// Finds the points of all pairs. Returns a bit for each lane in which one had more points than places.
-template <class Real>
-STICTION_HD_OUTLINE unsigned find_points(const Robots<Real>& robots) {
+template <class Real, int kStride>
+STICTION_HD_OUTLINE unsigned find_points(const Robots<Real, kStride>& robots) {
   const auto& model = robots.model;
   unsigned full = 0;
   for (Index p = 0; p < model.pairs; ++p) {
@@ -195,8 +195,8 @@ STICTION_HD_OUTLINE unsigned find_points(const Robots<Real>& robots) {
 }
 
 /// Limits that are near enough to have a row.
-template <class Real>
-STICTION_HD void find_limits(const Robots<Real>& robots) {
+template <class Real, int kStride>
+STICTION_HD void find_limits(const Robots<Real, kStride>& robots) {
   auto& work = robots.work;
   for (Index i = 0; i < robots.model.limits; ++i) {
     const auto& limit = robots.model.limit[i];

@@ -8,8 +8,8 @@
 namespace stiction::inline STICTION_ISA {
 
 /// One lane's shape, placed. A height field has the place of its frame.
-template <class Real>
-STICTION_HD PlacedShape<Scalar<Real>> shape_in(const Robots<Real>& robots, Index g, int lane) {
+template <class Real, int kStride>
+STICTION_HD PlacedShape<Scalar<Real>> shape_in(const Robots<Real, kStride>& robots, Index g, int lane) {
   using T = Scalar<Real>;
   const auto& geom = robots.model.geom[g];
   const Axes3<Real>& axes = robots.work.geom_axes[g];
@@ -26,23 +26,30 @@ STICTION_HD PlacedShape<Scalar<Real>> shape_in(const Robots<Real>& robots, Index
 
 /// Writes down what lanes that are near find: find(lane) has points `at` and their `count`. A place that a lane has no
 /// point for is beyond every margin there.
-template <class Real, class T, class F>
-STICTION_HD_OUTLINE void touch_by_lane(const Robots<Real>& robots, const ArticulatedPairData<T>& pair, Mask<Real> near,
-                                       F&& find) {
+template <class Real, int kStride, class T, class F>
+STICTION_HD_OUTLINE void touch_by_lane(const Robots<Real, kStride>& robots, const ArticulatedPairData<T>& pair,
+                                       Mask<Real> near, F&& find) {
   constexpr int kLanes = RealTraits<Real>::kLanes;
   constexpr T kFar = T(1e30);
   auto& work = robots.work;
   for (Index k = 0; k < pair.points; ++k) {
     work.distance[pair.first + k] = Real(kFar);
-    work.point[pair.first + k] = work.normal[pair.first + k] = no_vector<Real>();
+    work.point.put(pair.first + k, no_vector<Real>());
+    work.normal.put(pair.first + k, no_vector<Real>());
   }
+  const auto put = [&](const auto& vectors, Index at, int lane, const Vector3<T>& v) {
+    const auto numbers = vectors.from(at).template as<Real>().numbers();
+    numbers.at(0, lane) = v.x;
+    numbers.at(1, lane) = v.y;
+    numbers.at(2, lane) = v.z;
+  };
   for (int lane = 0; lane < kLanes; ++lane) {
     if (!is_set(near, lane)) continue;
     const auto& found = find(lane);
     for (Index k = 0; k < found.count && k < pair.points; ++k) {
-      put_number(work.distance[pair.first + k], lane, -found.at[k].depth);
-      put_vector(work.point[pair.first + k], lane, found.at[k].point);
-      put_vector(work.normal[pair.first + k], lane, found.at[k].normal);
+      work.distance.numbers().at(pair.first + k, lane) = -found.at[k].depth;
+      put(work.point, pair.first + k, lane, found.at[k].point);
+      put(work.normal, pair.first + k, lane, found.at[k].normal);
     }
   }
   for (Index k = 0; k < pair.points; ++k) {

@@ -13,8 +13,9 @@ STICTION_HD BoxPoints<T> points_with_box(const PlacedShape<T>& a, const PlacedSh
   return a.kind == ShapeKind::capsule ? capsule_box(a, box, reach) : sphere_box(a, box);
 }
 
-template <class Real, class T>
-STICTION_HD void touch_box_by_lane(const Robots<Real>& robots, const ArticulatedPairData<T>& pair, Mask<Real> near) {
+template <class Real, int kStride, class T>
+STICTION_HD void touch_box_by_lane(const Robots<Real, kStride>& robots, const ArticulatedPairData<T>& pair,
+                                   Mask<Real> near) {
   touch_by_lane(robots, pair, near, [&](int lane) {
     return points_with_box(shape_in(robots, pair.geom_a, lane), shape_in(robots, pair.geom_b, lane), pair.reach);
   });

@@ -110,8 +110,8 @@ class FieldTouch {
 };
 
 /// Returns a bit for each lane that had more points than places.
-template <class Real, class T>
-STICTION_HD unsigned touch_field_by_lane(const Robots<Real>& robots, const ArticulatedPairData<T>& pair,
+template <class Real, int kStride, class T>
+STICTION_HD unsigned touch_field_by_lane(const Robots<Real, kStride>& robots, const ArticulatedPairData<T>& pair,
                                          Mask<Real> near) {
   constexpr int kLanes = RealTraits<Real>::kLanes;
   const FieldGrid<T> grid{robots.model.field[robots.model.geom[pair.geom_a].field], robots.model.height};
