@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Looks in the CPU's objects for fused operations that were not written.
 
-    check_fused.py [--objdump PROGRAM] OBJECT ...
+    check_fused.py [--objdump PROGRAM] [--linker PROGRAM] OBJECT ...
     check_fused.py --self-test
 
 Only fma_() fuses (docs/explanation/numerics.md, rule 3), but compilers fuse in spite of -ffp-contract=off. GCC 12 does
@@ -43,6 +43,29 @@ MISPLACED = {
 SKIPPED = 77
 TREE = pathlib.Path(__file__).resolve().parent.parent
 ANY_CLONE = "/stiction/"  # how cmake/fp_policy.cmake has the tree named in an object
+
+
+X86_64 = 62  # of ELF
+
+
+def bytes_where(test):
+    """A pattern of one byte."""
+    return b"[" + b"".join(re.escape(bytes([value])) for value in range(256) if test(value)) + b"]"
+
+
+def fused_bytes():
+    """A pattern of how every fused operation of x86 begins: FMA3 by VEX or EVEX, or AMD's FMA4; its map, the prefix 66, its
+    operation. Other bytes may look so, too."""
+    prefix = bytes_where(lambda value: value & 3 == 1)
+    operation = bytes_where(lambda value: value >> 4 in (9, 10, 11) and value & 15 >= 6)
+    of_amd = bytes_where(lambda value: 0x5C <= value <= 0x5F or (value >> 4 in (6, 7) and value & 8))
+    vex = b"\xc4" + bytes_where(lambda value: value & 31 == 2) + prefix
+    evex = b"\x62" + bytes_where(lambda value: value & 7 == 2) + prefix + b"."
+    fma4 = b"\xc4" + bytes_where(lambda value: value & 31 == 3) + prefix + of_amd
+    return re.compile(b"(?:" + vex + b"|" + evex + b")" + operation + b"|" + fma4, re.DOTALL)
+
+
+FUSED_BYTES = fused_bytes()
 
 
 def in_tree(path):
@@ -96,7 +119,7 @@ def findings(text, label, read=source):
 
 
 def code_of(path):
-    """The machine code of a 64-bit ELF object, section after section, and objdump's name of its processor."""
+    """(Machine code of each section of a 64-bit ELF object, its processor by ELF's number)."""
     elf = path.read_bytes()
     machine, begin, size, count = (struct.unpack_from(form, elf, at)[0]
                                    for form, at in (("<H", 18), ("<Q", 40), ("<H", 58), ("<H", 60)))
@@ -106,21 +129,33 @@ def code_of(path):
         kind, flags, _, at, length = struct.unpack_from("<IQQQQ", elf, header + 4)
         if kind == 1 and flags & 4:  # SHT_PROGBITS, SHF_EXECINSTR
             code.append(elf[at:at + length])
-    return b"".join(code), {62: "i386:x86-64", 183: "aarch64"}[machine]
+    return code, machine
 
 
-def look_at(path, program="objdump"):
-    """The findings of one object. Looking up lines takes long, and most objects have nothing fused. Some have a section for
-    each of ten thousand functions, for which objdump takes half a minute. The same code in one piece takes it a second."""
-    code, processor = code_of(path)
-    with tempfile.NamedTemporaryFile() as piece:
-        piece.write(code)
-        piece.flush()
-        listing = subprocess.run([program, "--no-show-raw-insn", "-D", "-b", "binary", "-m", processor, piece.name],
-                                 capture_output=True, text=True, check=True).stdout if code else ""
-    if FUSED.search(listing) is None:
+def may_fuse(code, machine):
+    """Returns false where no byte can begin a fused operation. A true answer may be bytes of something else."""
+    return machine != X86_64 or any(FUSED_BYTES.search(section) for section in code)
+
+
+def in_one_piece(path, folder, linker):
+    """A library of the object alone, else the object. Most have a section for each of thousands of functions, among which objdump
+    searches long for a line. The linker puts them into one, and changes no instruction but calls and loads of addresses."""
+    whole = pathlib.Path(folder, "whole.so")
+    command = [linker, "-shared", "-z", "notext", "--defsym=__dso_handle=0", "--unresolved-symbols=ignore-all", "-o", whole, path]
+    try:
+        done = subprocess.run(command, capture_output=True, check=False)
+    except OSError:
+        return path
+    return whole if done.returncode == 0 else path
+
+
+def look_at(path, objdump="objdump", linker="ld"):
+    """The findings of one object. Disassembly takes long, and most objects have nothing fused."""
+    if not may_fuse(*code_of(path)):
         return 0, []
-    listing = subprocess.run([program, "--no-show-raw-insn", "-dlC", path], capture_output=True, text=True, check=True).stdout
+    with tempfile.TemporaryDirectory() as folder:
+        whole = in_one_piece(path, folder, linker)
+        listing = subprocess.run([objdump, "--no-show-raw-insn", "-dl", whole], capture_output=True, text=True, check=True).stdout
     return findings(listing, path.name)
 
 
@@ -150,9 +185,12 @@ def self_test():
               if len(findings(text, "planted", lambda path: sources.get(path, []))[1]) != expected]
     failed += [path for path in (ANY_CLONE + "tools/check_fused.py", ANY_CLONE + "build/../tools/check_fused.py")
                if in_tree(path) != pathlib.Path(__file__).resolve()]
+    code = [("c4 62 dd a8 c2", True), ("62 62 5d 48 97 e2", True), ("c4 e2 59 bf 18", True), ("c4 e3 e1 69 e1 20", True),
+            ("c4 41 5d 59 c4", False), ("c4 42 5d 16 c4", False), ("c4 e3 65 4b e2 10", False)]
+    failed += [text for text, expected in code if may_fuse([b"\x90" + bytes.fromhex(text)], X86_64) != expected]
     for text in failed:
         print(f"self-test: wrong answer for {text!r}")
-    print(f"self-test: {len(cases) + 2} cases, {len(failed)} failed")
+    print(f"self-test: {len(cases) + len(code) + 2} cases, {len(failed)} failed")
     return 1 if failed else 0
 
 
@@ -160,6 +198,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--self-test", action="store_true", help="check that planted instructions are found")
     parser.add_argument("--objdump", default="objdump", help="the program that reads the objects")
+    parser.add_argument("--linker", default="ld", help="the program that makes one piece of an object's code")
     parser.add_argument("objects", nargs="*", type=pathlib.Path)
     arguments = parser.parse_args()
     if arguments.self_test:
@@ -172,7 +211,7 @@ def main():
         return SKIPPED
     found, fused = collections.OrderedDict(), 0
     with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
-        looked_at = list(pool.map(functools.partial(look_at, program=arguments.objdump), arguments.objects))
+        looked_at = list(pool.map(functools.partial(look_at, objdump=arguments.objdump, linker=arguments.linker), arguments.objects))
     for count, sentences in looked_at:
         fused += count
         for sentence in sentences:

@@ -23,7 +23,7 @@ struct PackIslands {
       scale.put(s, select(waits, scale[s], most));
     });
     pack.workspace.each(pack.tree.dofs, [&](Index k) { reach.put(k, Double(0)); });
-    // Cones of the largest scale come first, from parent to child. Most often they reach all others, and no pass follows.
+    // Cones of the largest scale come first, from parent to child. Most often they reach all, and no pass follows.
     if (any(behind(scale, most))) spread(scale, reach, most, most, 1);
     while (any(behind(scale, most)) && spread(scale, reach, Double(0), most, pack.tree.dofs)) {
     }
@@ -61,8 +61,8 @@ struct PackIslands {
     return found;
   }
 
-  /// One pass, from cones whose scale is `least` or more, over so many ancestors of each degree of freedom. Returns true
-  /// if any scale has grown, of cones or of degrees of freedom along M.
+  /// One pass, from cones whose scale is `least` or more, over so many ancestors of each degree of freedom. Returns
+  /// true if any scale has grown, of cones or of degrees of freedom along M.
   STICTION_HD bool spread(const Doubles& scale, const Doubles& reach, Double least, Double most,
                           Index ancestors) const {
     for (Index s = 0; s < pack.counts.slots; ++s) {
