@@ -58,9 +58,9 @@ void run_job(const Job& job, const View& batch, int threads, double kappa, const
 }
 
 /// The environments that packs take, like sizes side by side.
-template <class Real>
-std::vector<Offset> taken_by(const cpu::VjpPackKernel<Real>& packs, const VjpJob<Real>& job, int threads) {
-  const ContactBatchView<Real>& batch = job.batch;
+template <class Job>
+std::vector<Offset> taken_by(const cpu::ModePackKernel<Job>& packs, const Job& job, int threads) {
+  const auto& batch = job.batch;
   std::vector<std::uint8_t> is_taken(static_cast<std::size_t>(batch.env_count));
   cpu::parallel_for(threads, batch.env_count, [&](Offset begin, Offset end) {
     for (Offset env = begin; env < end; ++env) is_taken[static_cast<std::size_t>(env)] = packs.takes(job, env) ? 1 : 0;
@@ -72,12 +72,12 @@ std::vector<Offset> taken_by(const cpu::VjpPackKernel<Real>& packs, const VjpJob
   return taken;
 }
 
-/// Pulls a batch of contacts back: side by side those that packs take, one by one the others.
-template <class Real>
-void vjp_of_contacts(const VjpJob<Real>& job, int threads, const cpu::DerivativeKernels<Real>& kernels) {
+/// Differentiates a batch of contacts: side by side those that packs take, one by one the others.
+template <class Job>
+void run_contacts(const Job& job, int threads, const cpu::ModePackKernel<Job>& packs,
+                  const cpu::DerivativeKernel<Job>& alone) {
   const Offset envs = job.batch.env_count;
-  const cpu::VjpPackKernel<Real>& packs = kernels.vjp_packs;
-  if (packs.width == 1) return for_each_env(job, envs, threads, kernels.vjp);
+  if (packs.width == 1) return for_each_env(job, envs, threads, alone);
   const std::vector<Offset> taken = taken_by(packs, job, threads);
   const auto count = static_cast<Offset>(taken.size()), run = Offset{2} * packs.width;
   const int workers = cpu::thread_count(threads);
@@ -88,7 +88,7 @@ void vjp_of_contacts(const VjpJob<Real>& job, int threads, const cpu::Derivative
     packs.run(job, taken.data() + begin, smaller_of(run, count - begin), answered.data(),
               scratch[static_cast<std::size_t>(worker)]);
   });
-  for_each_env(job, envs, threads, kernels.vjp, answered.data());
+  for_each_env(job, envs, threads, alone, answered.data());
 }
 
 /// Pulls back environments in lanes. Scratch grows with the packs, whose size is known when they are merged.
@@ -150,12 +150,14 @@ class CpuDerivativeMachine final : public DerivativeMachine {
   template <class Real>
   void run_vjp(const VjpJob<Real>& job) const {
     const cpu::DerivativeKernels<Real> kernels = pick<Real>();
-    if (kappa_ == 0.0) return vjp_of_contacts(job, threads_, kernels);
+    if (kappa_ == 0.0) return run_contacts(job, threads_, kernels.packs.vjp, kernels.vjp);
     run_job<Real>(job, job.batch, threads_, kappa_, kernels.vjp, kernels.relaxed_vjp);
   }
   template <class Real>
   void run_jvp(const JvpJob<Real>& job) const {
-    run_job<Real>(job, job.batch, threads_, kappa_, pick<Real>().jvp, pick<Real>().relaxed_jvp);
+    const cpu::DerivativeKernels<Real> kernels = pick<Real>();
+    if (kappa_ == 0.0) return run_contacts(job, threads_, kernels.packs.jvp, kernels.jvp);
+    run_job<Real>(job, job.batch, threads_, kappa_, kernels.jvp, kernels.relaxed_jvp);
   }
   template <class Real>
   void run_vjp(const JacobianVjpJob<Real>& job) const {
