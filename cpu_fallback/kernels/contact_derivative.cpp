@@ -2,6 +2,7 @@
 
 #include "core/algorithm/derivative/mode_pack.hpp"
 #include "cpu_fallback/pack/pack_width.hpp"
+#include "cpu_fallback/tables/jacobian_jvp.hpp"
 
 namespace stiction::inline STICTION_ISA {
 
@@ -56,7 +57,7 @@ cpu::ModePackKernel<Job> kernel() {
 }
 template <class Real>
 cpu::ModePackKernels<Real> kernels() {
-  return {kernel<Real, VjpJob<Real>>(), kernel<Real, JvpJob<Real>>()};
+  return {kernel<Real, VjpJob<Real>>(), kernel<Real, JvpJob<Real>>(), jacobian_jvp_all<Real>};
 }
 
 }  // namespace

@@ -8,7 +8,7 @@
 
 #include "core/base/extents.hpp"
 #include "core/machine/jacobian_machine.hpp"
-#include "cpu_fallback/machine/jacobian_vjp_parts.hpp"
+#include "cpu_fallback/machine/jacobian_pack_parts.hpp"
 #include "cpu_fallback/machine/run_length.hpp"
 #include "cpu_fallback/tables/isa.hpp"
 #include "cpu_fallback/tables/scratch.hpp"
@@ -91,21 +91,22 @@ void run_contacts(const Job& job, int threads, const cpu::ModePackKernel<Job>& p
   for_each_env(job, envs, threads, alone, answered.data());
 }
 
-/// Pulls back environments in lanes. Scratch grows with the packs, whose size is known when they are merged.
-template <class Real>
-void vjp_in_lanes(const JacobianVjpJob<Real>& job, int threads) {
-  cpu::JacobianVjpParts<Real> parts(job);
+/// Differentiates environments in lanes by a kernel, and marks in `answered` those that it has answered. Scratch grows
+/// with the packs, whose size is known when they are merged.
+template <class Real, class Job, class Kernel>
+void run_lanes(const Job& job, int threads, Kernel kernel, std::uint8_t* answered) {
+  cpu::JacobianPackParts<Real, Job> parts(job);
   const std::span<const LaneEnv<Real>> all = parts.all();
-  const cpu::VelocityKernels<Real> kernels = cpu::of_precision<Real>(cpu::best_isa().velocity());
+  const Index width = cpu::of_precision<Real>(cpu::best_isa().velocity()).width;
   const int workers = cpu::thread_count(threads);
-  const auto count = static_cast<Offset>(all.size()), run = cpu::run_length(count, kernels.width, workers);
+  const auto count = static_cast<Offset>(all.size()), run = cpu::run_length(count, width, workers);
   std::vector<cpu::VelocityScratch> scratch(static_cast<std::size_t>(workers));
   cpu::parallel_for(workers, static_cast<int>((count + run - 1) / run), [&](int index, int worker) {
     const Offset begin = index * run;
-    kernels.vjp(job, all.data() + begin, parts.results() + begin, smaller_of(run, count - begin),
-                scratch[static_cast<std::size_t>(worker)]);
+    kernel(job, all.data() + begin, parts.results() + begin, smaller_of(run, count - begin),
+           scratch[static_cast<std::size_t>(worker)]);
   });
-  parts.finish();
+  parts.finish(answered);
 }
 
 /// A job of J and M. The arrays that are assembled, and those between the parts, live as long as the call.
@@ -117,17 +118,18 @@ void run_jacobian_job(Job job, int threads, double kappa, const cpu::DerivativeK
   const auto size = static_cast<std::size_t>(job.contact.count * batch.row_count);
   std::vector<Real> in(size), out(size);
   job.connect(assembled->lay_out(batch, StreamRef::default_stream()), in.data(), out.data());
+  if (kappa != 0.0 || job.contact.law != Law::convex) return run_job<Real>(job, batch, threads, kappa, exact, relaxed);
+  std::vector<std::uint8_t> answered(static_cast<std::size_t>(batch.env_count));
   if constexpr (std::is_same_v<Job, JacobianVjpJob<Real>>) {
-    if (kappa == 0.0 && job.contact.law == Law::convex) {
-      const auto dofs = static_cast<std::size_t>(batch.dof_count);
-      std::vector<Real> adjoint(dofs * static_cast<std::size_t>(job.contact.count)), moved(dofs);
-      std::vector<std::uint8_t> answered(static_cast<std::size_t>(batch.env_count));
-      job.lanes = {adjoint.data(), moved.data(), answered.data()};
-      vjp_in_lanes(job, threads);
-      return run_job<Real>(job, batch, threads, kappa, exact, relaxed);
-    }
+    const auto dofs = static_cast<std::size_t>(batch.dof_count);
+    std::vector<Real> adjoint(dofs * static_cast<std::size_t>(job.contact.count)), moved(dofs);
+    job.lanes = {adjoint.data(), moved.data(), answered.data()};
+    run_lanes<Real>(job, threads, cpu::of_precision<Real>(cpu::best_isa().velocity()).vjp, answered.data());
+    for_each_env(job, batch.env_count, threads, exact);
+  } else {
+    run_lanes<Real>(job, threads, pick<Real>().packs.jacobian_jvp, answered.data());
+    for_each_env(job, batch.env_count, threads, exact, answered.data());
   }
-  run_job<Real>(job, batch, threads, kappa, exact, relaxed);
 }
 
 class CpuDerivativeMachine final : public DerivativeMachine {

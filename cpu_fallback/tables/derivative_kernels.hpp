@@ -2,7 +2,7 @@
 
 #include "core/job/relaxed_job.hpp"
 #include "core/job/unrolled_job.hpp"
-#include "cpu_fallback/tables/scratch.hpp"
+#include "cpu_fallback/tables/velocity_kernels.hpp"
 
 namespace stiction::cpu {
 
@@ -22,11 +22,14 @@ struct ModePackKernel {
   void (*run)(const Job& job, const Offset* envs, Offset count, std::uint8_t* answered, Scratch& scratch) = nullptr;
 };
 
-/// Both directions.
+/// Packs of both directions. By J and M, the reverse one is in VelocityKernels.
 template <class Real>
 struct ModePackKernels {
   ModePackKernel<VjpJob<Real>> vjp;
   ModePackKernel<JvpJob<Real>> jvp;
+  /// Pushes environments of J and M forward that lanes take.
+  void (*jacobian_jvp)(const JacobianJvpJob<Real>& job, const LaneEnv<Real>* envs, JacobianVjpResult* results,
+                       Offset count, VelocityScratch& scratch) = nullptr;
 };
 
 /// Kernels of both precisions.

@@ -103,9 +103,9 @@ STICTION_HD void change_bounds(TeamT& team, const EnvView<Real>& env, const JvpJ
   });
 }
 
-/// The change of the solution by a set, of one environment or of environments side by side, from what changes while
-/// the unknowns rest: motions in `still`, reactions in `nu` and tests in `image`. Leaves d lambda in `nu` and dw in
-/// `seed`. `K`: the factor of G.
+/// The change of the solution by a set, of one environment or of environments side by side. `still`, `nu` and `image`
+/// have the changes of motions, reactions and tests while the unknowns rest. Leaves d lambda in `nu` and dw in `seed`.
+/// `K`: the factor of G.
 template <Team TeamT, class Modes, class Matrix>
 STICTION_HD auto solve_change(TeamT& team, const Modes& modes, const Matrix& K) {
   using Wide = typename Modes::Wide;
