@@ -30,7 +30,7 @@ if(TARGET stiction_cpu_avx2)
       set(bytes 64)
       list(APPEND options -mavx2 -mfma)
     endif()
-    set(kernels articulated.cpp shared_instances.cpp contact_vjp.cpp sequential_impulses.cpp jacobian.cpp velocity.cpp
+    set(kernels articulated.cpp shared_instances.cpp contact_derivative.cpp sequential_impulses.cpp jacobian.cpp velocity.cpp
         jacobian_vjp.cpp velocity_blocks.cpp)
     list(TRANSFORM kernels PREPEND "${PROJECT_SOURCE_DIR}/cpu_fallback/kernels/")
     add_library(stiction_test_${width} OBJECT isa/pack_width.cpp ${_table} ${_sweeping} ${kernels})

@@ -38,7 +38,7 @@ struct JvpJob : DerivativeJob<Real> {
   SolutionTangentView<Real> changes;
 };
 
-/// Result of lanes for an environment, or a part of one, whose cotangents they pull back.
+/// Result of lanes for an environment, or a part of one, that they differentiate.
 struct JacobianVjpResult {
   double scale = 0.0;             ///< max|b| of the whole environment, where this is a part; 0: it is the whole  [w]
   double square = 0.0;            ///< of the adjoint's residual, the largest of all sets                         [-]

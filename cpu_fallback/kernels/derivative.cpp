@@ -1,7 +1,7 @@
 #include "core/algorithm/derivative/relaxed_derivative.hpp"
 #include "core/algorithm/unrolled/unrolled_vjp.hpp"
 #include "cpu_fallback/pack/mass_tile.hpp"
-#include "cpu_fallback/tables/contact_vjp.hpp"
+#include "cpu_fallback/tables/contact_derivative.hpp"
 
 namespace stiction::inline STICTION_ISA {
 
@@ -93,7 +93,7 @@ cpu::DerivativeKernels<Real> kernels() {
 }  // namespace
 
 cpu::DerivativeKernelSet derivative_kernels() {
-  return cpu::DerivativeKernelSet{kernels<float>(), kernels<double>()}.with(vjp_pack_kernels());
+  return cpu::DerivativeKernelSet{kernels<float>(), kernels<double>()}.with(mode_pack_kernels());
 }
 
 }  // namespace stiction::inline STICTION_ISA

@@ -8,7 +8,7 @@
 
 #include "core/base/extents.hpp"
 #include "core/machine/jacobian_machine.hpp"
-#include "cpu_fallback/machine/jacobian_vjp_parts.hpp"
+#include "cpu_fallback/machine/jacobian_pack_parts.hpp"
 #include "cpu_fallback/machine/run_length.hpp"
 #include "cpu_fallback/tables/isa.hpp"
 #include "cpu_fallback/tables/scratch.hpp"
@@ -58,9 +58,9 @@ void run_job(const Job& job, const View& batch, int threads, double kappa, const
 }
 
 /// The environments that packs take, like sizes side by side.
-template <class Real>
-std::vector<Offset> taken_by(const cpu::VjpPackKernel<Real>& packs, const VjpJob<Real>& job, int threads) {
-  const ContactBatchView<Real>& batch = job.batch;
+template <class Job>
+std::vector<Offset> taken_by(const cpu::ModePackKernel<Job>& packs, const Job& job, int threads) {
+  const auto& batch = job.batch;
   std::vector<std::uint8_t> is_taken(static_cast<std::size_t>(batch.env_count));
   cpu::parallel_for(threads, batch.env_count, [&](Offset begin, Offset end) {
     for (Offset env = begin; env < end; ++env) is_taken[static_cast<std::size_t>(env)] = packs.takes(job, env) ? 1 : 0;
@@ -72,12 +72,12 @@ std::vector<Offset> taken_by(const cpu::VjpPackKernel<Real>& packs, const VjpJob
   return taken;
 }
 
-/// Pulls a batch of contacts back: side by side those that packs take, one by one the others.
-template <class Real>
-void vjp_of_contacts(const VjpJob<Real>& job, int threads, const cpu::DerivativeKernels<Real>& kernels) {
+/// Differentiates a batch of contacts: side by side those that packs take, one by one the others.
+template <class Job>
+void run_contacts(const Job& job, int threads, const cpu::ModePackKernel<Job>& packs,
+                  const cpu::DerivativeKernel<Job>& alone) {
   const Offset envs = job.batch.env_count;
-  const cpu::VjpPackKernel<Real>& packs = kernels.vjp_packs;
-  if (packs.width == 1) return for_each_env(job, envs, threads, kernels.vjp);
+  if (packs.width == 1) return for_each_env(job, envs, threads, alone);
   const std::vector<Offset> taken = taken_by(packs, job, threads);
   const auto count = static_cast<Offset>(taken.size()), run = Offset{2} * packs.width;
   const int workers = cpu::thread_count(threads);
@@ -88,24 +88,25 @@ void vjp_of_contacts(const VjpJob<Real>& job, int threads, const cpu::Derivative
     packs.run(job, taken.data() + begin, smaller_of(run, count - begin), answered.data(),
               scratch[static_cast<std::size_t>(worker)]);
   });
-  for_each_env(job, envs, threads, kernels.vjp, answered.data());
+  for_each_env(job, envs, threads, alone, answered.data());
 }
 
-/// Pulls back environments in lanes. Scratch grows with the packs, whose size is known when they are merged.
-template <class Real>
-void vjp_in_lanes(const JacobianVjpJob<Real>& job, int threads) {
-  cpu::JacobianVjpParts<Real> parts(job);
+/// Differentiates environments in lanes by a kernel, and marks in `answered` those that it has answered. Scratch grows
+/// with the packs, whose size is known when they are merged.
+template <class Real, class Job, class Kernel>
+void run_lanes(const Job& job, int threads, Kernel kernel, std::uint8_t* answered) {
+  cpu::JacobianPackParts<Real, Job> parts(job);
   const std::span<const LaneEnv<Real>> all = parts.all();
-  const cpu::VelocityKernels<Real> kernels = cpu::of_precision<Real>(cpu::best_isa().velocity());
+  const Index width = cpu::of_precision<Real>(cpu::best_isa().velocity()).width;
   const int workers = cpu::thread_count(threads);
-  const auto count = static_cast<Offset>(all.size()), run = cpu::run_length(count, kernels.width, workers);
+  const auto count = static_cast<Offset>(all.size()), run = cpu::run_length(count, width, workers);
   std::vector<cpu::VelocityScratch> scratch(static_cast<std::size_t>(workers));
   cpu::parallel_for(workers, static_cast<int>((count + run - 1) / run), [&](int index, int worker) {
     const Offset begin = index * run;
-    kernels.vjp(job, all.data() + begin, parts.results() + begin, smaller_of(run, count - begin),
-                scratch[static_cast<std::size_t>(worker)]);
+    kernel(job, all.data() + begin, parts.results() + begin, smaller_of(run, count - begin),
+           scratch[static_cast<std::size_t>(worker)]);
   });
-  parts.finish();
+  parts.finish(answered);
 }
 
 /// A job of J and M. The arrays that are assembled, and those between the parts, live as long as the call.
@@ -117,17 +118,18 @@ void run_jacobian_job(Job job, int threads, double kappa, const cpu::DerivativeK
   const auto size = static_cast<std::size_t>(job.contact.count * batch.row_count);
   std::vector<Real> in(size), out(size);
   job.connect(assembled->lay_out(batch, StreamRef::default_stream()), in.data(), out.data());
+  if (kappa != 0.0 || job.contact.law != Law::convex) return run_job<Real>(job, batch, threads, kappa, exact, relaxed);
+  std::vector<std::uint8_t> answered(static_cast<std::size_t>(batch.env_count));
   if constexpr (std::is_same_v<Job, JacobianVjpJob<Real>>) {
-    if (kappa == 0.0 && job.contact.law == Law::convex) {
-      const auto dofs = static_cast<std::size_t>(batch.dof_count);
-      std::vector<Real> adjoint(dofs * static_cast<std::size_t>(job.contact.count)), moved(dofs);
-      std::vector<std::uint8_t> answered(static_cast<std::size_t>(batch.env_count));
-      job.lanes = {adjoint.data(), moved.data(), answered.data()};
-      vjp_in_lanes(job, threads);
-      return run_job<Real>(job, batch, threads, kappa, exact, relaxed);
-    }
+    const auto dofs = static_cast<std::size_t>(batch.dof_count);
+    std::vector<Real> adjoint(dofs * static_cast<std::size_t>(job.contact.count)), moved(dofs);
+    job.lanes = {adjoint.data(), moved.data(), answered.data()};
+    run_lanes<Real>(job, threads, cpu::of_precision<Real>(cpu::best_isa().velocity()).vjp, answered.data());
+    for_each_env(job, batch.env_count, threads, exact);
+  } else {
+    run_lanes<Real>(job, threads, pick<Real>().packs.jacobian_jvp, answered.data());
+    for_each_env(job, batch.env_count, threads, exact, answered.data());
   }
-  run_job<Real>(job, batch, threads, kappa, exact, relaxed);
 }
 
 class CpuDerivativeMachine final : public DerivativeMachine {
@@ -150,12 +152,14 @@ class CpuDerivativeMachine final : public DerivativeMachine {
   template <class Real>
   void run_vjp(const VjpJob<Real>& job) const {
     const cpu::DerivativeKernels<Real> kernels = pick<Real>();
-    if (kappa_ == 0.0) return vjp_of_contacts(job, threads_, kernels);
+    if (kappa_ == 0.0) return run_contacts(job, threads_, kernels.packs.vjp, kernels.vjp);
     run_job<Real>(job, job.batch, threads_, kappa_, kernels.vjp, kernels.relaxed_vjp);
   }
   template <class Real>
   void run_jvp(const JvpJob<Real>& job) const {
-    run_job<Real>(job, job.batch, threads_, kappa_, pick<Real>().jvp, pick<Real>().relaxed_jvp);
+    const cpu::DerivativeKernels<Real> kernels = pick<Real>();
+    if (kappa_ == 0.0) return run_contacts(job, threads_, kernels.packs.jvp, kernels.jvp);
+    run_job<Real>(job, job.batch, threads_, kappa_, kernels.jvp, kernels.relaxed_jvp);
   }
   template <class Real>
   void run_vjp(const JacobianVjpJob<Real>& job) const {

@@ -2,7 +2,7 @@
 
 #include "core/job/relaxed_job.hpp"
 #include "core/job/unrolled_job.hpp"
-#include "cpu_fallback/tables/scratch.hpp"
+#include "cpu_fallback/tables/velocity_kernels.hpp"
 
 namespace stiction::cpu {
 
@@ -13,20 +13,29 @@ struct DerivativeKernel {
   void (*run)(const Job& job, Offset env, double* scratch);
 };
 
-/// Environments of contacts that are pulled back side by side, with the bits of one by one.
-template <class Real>
-struct VjpPackKernel {
+/// Environments of contacts that are differentiated side by side, with the bits of one by one.
+template <class Job>
+struct ModePackKernel {
   Index width = 1;  ///< environments of a pack; 1: there are no packs
-  bool (*takes)(const VjpJob<Real>& job, Offset env) = nullptr;
+  bool (*takes)(const Job& job, Offset env) = nullptr;
   /// Takes environments that follow one another in `envs`, and marks in `answered` those that it has answered.
-  void (*run)(const VjpJob<Real>& job, const Offset* envs, Offset count, std::uint8_t* answered,
-              Scratch& scratch) = nullptr;
+  void (*run)(const Job& job, const Offset* envs, Offset count, std::uint8_t* answered, Scratch& scratch) = nullptr;
+};
+
+/// Packs of both directions. By J and M, the reverse one is in VelocityKernels.
+template <class Real>
+struct ModePackKernels {
+  ModePackKernel<VjpJob<Real>> vjp;
+  ModePackKernel<JvpJob<Real>> jvp;
+  /// Pushes environments of J and M forward that lanes take.
+  void (*jacobian_jvp)(const JacobianJvpJob<Real>& job, const LaneEnv<Real>* envs, JacobianVjpResult* results,
+                       Offset count, VelocityScratch& scratch) = nullptr;
 };
 
 /// Kernels of both precisions.
-struct VjpPackKernelSet {
-  VjpPackKernel<float> f32;
-  VjpPackKernel<double> f64;
+struct ModePackKernelSet {
+  ModePackKernels<float> f32;
+  ModePackKernels<double> f64;
 };
 
 /// The derivatives of one environment, compiled for one instruction set.
@@ -41,7 +50,7 @@ struct DerivativeKernels {
   DerivativeKernel<RelaxedJob<JacobianVjpJob<Real>, Real>> relaxed_jacobian_vjp;
   DerivativeKernel<RelaxedJob<JacobianJvpJob<Real>, Real>> relaxed_jacobian_jvp;
   DerivativeKernel<UnrolledJob<Real>> unrolled_vjp;
-  VjpPackKernel<Real> vjp_packs;
+  ModePackKernels<Real> packs;
 };
 
 /// Kernels of both precisions.
@@ -50,10 +59,10 @@ struct DerivativeKernelSet {
   DerivativeKernels<double> f64;
 
   /// These, with packs of another instruction set.
-  [[nodiscard]] DerivativeKernelSet with(const VjpPackKernelSet& packs) const {
+  [[nodiscard]] DerivativeKernelSet with(const ModePackKernelSet& packs) const {
     DerivativeKernelSet set = *this;
-    set.f32.vjp_packs = packs.f32;
-    set.f64.vjp_packs = packs.f64;
+    set.f32.packs = packs.f32;
+    set.f64.packs = packs.f64;
     return set;
   }
 };

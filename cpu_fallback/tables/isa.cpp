@@ -40,7 +40,7 @@ cpu::ArticulatedKernelSet articulated_kernels();
 namespace isa_avx512 {
 cpu::KernelSet solver_kernels(SolverKind solver);
 cpu::BodyKernelSet si_kernels();
-cpu::VjpPackKernelSet vjp_pack_kernels();
+cpu::ModePackKernelSet mode_pack_kernels();
 cpu::VelocityKernelSet velocity_kernels();
 cpu::ArticulatedKernelSet articulated_kernels();
 }  // namespace isa_avx512
@@ -66,7 +66,7 @@ BodyKernelSet avx512_si_kernels() {
   return set;
 }
 DerivativeKernelSet avx512_derivative_kernels() {
-  return isa_avx2::derivative_kernels().with(isa_avx512::vjp_pack_kernels());
+  return isa_avx2::derivative_kernels().with(isa_avx512::mode_pack_kernels());
 }
 #endif
 

@@ -1,8 +1,8 @@
 #pragma once
 
 #include "cuda/api/kernel_catalogue.hpp"
+#include "cuda/kernels/derivative_lanes_program.hpp"
 #include "cuda/kernels/derivative_program.hpp"
-#include "cuda/kernels/jacobian_vjp_program.hpp"
 
 /// The part of a catalogue that derivatives are (catalogue.hpp). Apart, so that no solver is compiled anew for them.
 namespace stiction::cuda {
@@ -23,7 +23,7 @@ KernelRef unrolled_kernel() {
 }
 template <class Make, class Real>
 KernelRef lanes_kernel() {
-  return Make::template kernel<VjpLanesProgram<Real>>("derivative_vjp_lanes");
+  return Make::template kernel<DerivativeLanesProgram<Real>>("derivative_lanes");
 }
 template <class Make, class Real>
 DerivativeKernels all_derivative_kernels() {

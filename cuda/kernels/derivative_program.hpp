@@ -16,6 +16,7 @@ struct DerivativeArgs {
   Offset slot;      ///< numbers of it for one team
   Index most_rows;  ///< of an environment that the slot is for
   Index most_dofs;
+  const std::uint8_t* written;  ///< 1 where lanes have written all; null: nowhere  (env_count)
 };
 
 /// Arguments of pulling back through sweeps: the job is that of a contact batch.
@@ -40,14 +41,15 @@ STICTION_HD bool is_sound(TeamT& team, const Job& job, Offset env) {
   return structure_is_sound(team, with_totals(job.contact.batch), env);
 }
 
-/// derive(env, scratch) for every environment that is sound and fits, refuse(env, scratch) for those that are too
-/// large.
+/// derive(env, scratch) for every environment that is sound, fits and is not written, refuse(env, scratch) for those
+/// that are too large.
 template <Team TeamT, class Job, class Real, class Derive, class Refuse>
 STICTION_HD void derive_checked(TeamT& team, const cuda::TeamId& id, const cuda::DerivativeArgs<Job, Real>& args,
                                 const Derive& derive, const Refuse& refuse) {
   const Job& job = args.job.job;
   double* const scratch = args.scratch + id.index * args.slot;
   for (Offset env = id.index; env < job.contact.batch.env_count; env += id.count) {
+    if (args.written != nullptr && args.written[env] != 0) continue;
     if (!is_sound(team, job, env)) {
       single(team, [&] { job.contact.status[env] = {0.0, 0.0, kGradientBadStructure, 0, 0, 0}; });
       continue;

@@ -121,7 +121,8 @@ void DeviceDerivativeMachine::queue(const KernelRef& kernel, const Args& args, O
 }
 
 template <class Program, class Job>
-void DeviceDerivativeMachine::queue_job(const KernelRef& kernel, const Job& job, StreamHandle stream) {
+void DeviceDerivativeMachine::queue_job(const KernelRef& kernel, const Job& job, StreamHandle stream,
+                                        const std::uint8_t* written) {
   if (kappa_ > 0.0) make_room(relaxed_, job.contact.batch.row_count, stream);
   typename Program::Args args{};
   args.job = {job, kappa_, reinterpret_cast<decltype(args.job.lambda)>(relaxed_.get())};
@@ -129,6 +130,7 @@ void DeviceDerivativeMachine::queue_job(const KernelRef& kernel, const Job& job,
   args.slot = slot_;
   args.most_rows = most_rows_;
   args.most_dofs = most_dofs_;
+  args.written = written;
   queue(kernel, args, shape_.teams, stream);
 }
 
@@ -151,18 +153,24 @@ void DeviceDerivativeMachine::queue_jacobians(JacobianRoom<Real>& room, const Ke
   make_room(room, batch, job.contact.count, stream);
   if (!api_->capturing(stream)) api_->wait(stream, done_.get());
   job.connect(room.machine->lay_out(batch, StreamRef(stream)), room.in, room.out);
-  if constexpr (std::is_same_v<Job, JacobianVjpJob<Real>>)
-    if (kappa_ == 0.0 && job.contact.law == Law::convex && room.teams > 0) queue_lanes(room, job, stream);
-  queue_job<Program>(kernel, job, stream);
+  const bool has_lanes = kappa_ == 0.0 && job.contact.law == Law::convex && room.teams > 0;
+  if (has_lanes) queue_lanes(room, job, stream);
+  const bool is_forward = std::is_same_v<Job, JacobianJvpJob<Real>>;
+  queue_job<Program>(kernel, job, stream, has_lanes && is_forward ? room.lanes.answered : nullptr);
 }
 
-/// Lanes pull their environments back; the job then has those they answered.
-template <class Real>
-void DeviceDerivativeMachine::queue_lanes(const JacobianRoom<Real>& room, JacobianVjpJob<Real>& job,
-                                          StreamHandle stream) {
-  job.lanes = room.lanes;
-  JacobianVjpArgs<Real> args = room.args;
-  args.job = job;
+/// Lanes differentiate their environments. In reverse, the job then has those they answered.
+template <class Real, class Job>
+void DeviceDerivativeMachine::queue_lanes(const JacobianRoom<Real>& room, Job& job, StreamHandle stream) {
+  JacobianLanesArgs<Real> args = room.args;
+  args.answered = room.lanes.answered;
+  if constexpr (std::is_same_v<Job, JacobianVjpJob<Real>>) {
+    job.lanes = room.lanes;
+    args.job = job;
+  } else {
+    args.forward = job;
+    args.is_forward = true;
+  }
   LaunchShape shape = lanes_shape();
   shape.teams = smaller_of(room.teams, (job.assembly.batch.env_count + kWarp - 1) / kWarp);
   api_->launch(lanes_kernel(sizeof(Real) == sizeof(float) ? Precision::f32 : Precision::f64), shape, &args, stream);
@@ -190,7 +198,7 @@ void DeviceDerivativeMachine::queue_sweeps(const KernelRef& kernel, const Unroll
 template <class Real>
 void DeviceDerivativeMachine::add_lanes(JacobianRoom<Real>& room, const JacobianNumbers& numbers, ArraySet& set) const {
   static_cast<LaneRoom&>(room.args) =
-      lay_out_lanes<JacobianVjpWorkspace<typename VjpLanesProgram<Real>::Types>>(most_rows_, most_dofs_);
+      lay_out_lanes<JacobianVjpWorkspace<typename DerivativeLanesProgram<Real>::Types>>(most_rows_, most_dofs_);
   room.args.islands_per_lane =
       most_dofs_ > kMostVelocityDofs ? DofIslands<Real>::integers(most_dofs_, most_rows_) : Offset{0};
   const Offset lists = kWarp * room.args.lists_per_lane, islands = kWarp * room.args.islands_per_lane;

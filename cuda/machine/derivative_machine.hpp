@@ -7,7 +7,7 @@
 #include "cuda/api/device_api.hpp"
 #include "cuda/api/kernel_catalogue.hpp"
 #include "cuda/api/memory.hpp"
-#include "cuda/kernels/jacobian_vjp_program.hpp"
+#include "cuda/kernels/derivative_lanes_program.hpp"
 #include "cuda/machine/jacobian_machine.hpp"
 
 namespace stiction::cuda {
@@ -35,15 +35,15 @@ struct JacobianRoom {
   JacobianNumbers has;
   std::unique_ptr<DeviceJacobianMachine<Real>> machine;
   DeviceMemory memory;
-  Real* in = nullptr;            ///< from J and M to the contact batch
-  Real* out = nullptr;           ///< and back
-  JacobianVjpLanes<Real> lanes;  ///< results of lanes
-  JacobianVjpArgs<Real> args{};  ///< and their arguments
-  Offset teams = 0;              ///< of such lanes
+  Real* in = nullptr;              ///< from J and M to the contact batch
+  Real* out = nullptr;             ///< and back
+  JacobianVjpLanes<Real> lanes;    ///< results of lanes
+  JacobianLanesArgs<Real> args{};  ///< and their arguments
+  Offset teams = 0;                ///< of such lanes
 };
 
 /// Differentiates contact batches on a device: one launch, in memory that is taken when it is made. For batches of J
-/// and M two more come before it, and a third where lanes pull environments back. Memory for sweeps and relaxed
+/// and M two more come before it, and a third where lanes differentiate environments. Memory for sweeps and relaxed
 /// reactions grows with the calls.
 class DeviceDerivativeMachine final : public DerivativeMachine {
  public:
@@ -68,7 +68,7 @@ class DeviceDerivativeMachine final : public DerivativeMachine {
   template <class Args>
   void queue(const KernelRef& kernel, const Args& args, Offset teams, StreamHandle stream);
   template <class Program, class Job>
-  void queue_job(const KernelRef& kernel, const Job& job, StreamHandle stream);
+  void queue_job(const KernelRef& kernel, const Job& job, StreamHandle stream, const std::uint8_t* written = nullptr);
   template <class Program, class Job, class Contact>
   void queue_contacts(const KernelRef& kernel, const Contact& contact, StreamHandle stream);
   template <class Program, class Real, class Job>
@@ -79,8 +79,8 @@ class DeviceDerivativeMachine final : public DerivativeMachine {
   [[nodiscard]] const KernelRef& unrolled_kernel(Precision precision) const;
   [[nodiscard]] const KernelRef& lanes_kernel(Precision precision) const;
   [[nodiscard]] Offset teams_for(Offset slot) const;
-  template <class Real>
-  void queue_lanes(const JacobianRoom<Real>& room, JacobianVjpJob<Real>& job, StreamHandle stream);
+  template <class Real, class Job>
+  void queue_lanes(const JacobianRoom<Real>& room, Job& job, StreamHandle stream);
   template <class Real>
   void make_room(JacobianRoom<Real>& room, const JacobianBatchView<Real>& batch, Offset count, StreamHandle stream);
   template <class Real>

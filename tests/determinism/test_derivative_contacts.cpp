@@ -1,4 +1,4 @@
-// Environments of contacts that are pulled back side by side have the bits of one by one.
+// Environments of contacts that are differentiated side by side have the bits of one by one.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -38,12 +38,37 @@ DerivativeOptions with_any_residual() {
   return options;
 }
 
+/// derived(instruction set) has the same numbers and records everywhere. The baseline of x86-64 has no packs: there
+/// each environment is alone.
+template <class F>
+void expect_bits_of_one_by_one(const F& derived) {
+  const auto in = [&](const char* isa) {
+    const ScopedIsa scoped(isa);
+    return derived();
+  };
+  const auto expected = in(narrowest_isa());
+  Offset answered = 0;
+  for (const GradientStatus& status : expected.status) answered += (status.flags & kGradientRefused) == 0;
+  EXPECT_GT(answered, 25);
+  for (const char* isa : usable_isas()) {
+    const auto own = in(isa);
+    EXPECT_EQ(own.all(), expected.all()) << isa;
+    for (std::size_t e = 0; e < own.status.size(); ++e) {
+      const GradientStatus &a = own.status[e], &b = expected.status[e];
+      EXPECT_EQ(a.residual, b.residual) << isa << ", " << e;
+      EXPECT_EQ(a.forward_residual, b.forward_residual) << isa << ", " << e;
+      EXPECT_EQ(a.flags, b.flags) << isa << ", " << e;
+      EXPECT_EQ(a.unknowns, b.unknowns) << isa << ", " << e;
+      EXPECT_EQ(a.degenerate, b.degenerate) << isa << ", " << e;
+    }
+  }
+}
+
 template <class Real>
 class DerivativeOfContacts : public testing::Test {};
 using Precisions = testing::Types<float, double>;
 TYPED_TEST_SUITE(DerivativeOfContacts, Precisions);
 
-// The baseline of x86-64 has no packs: there each environment is alone.
 TYPED_TEST(DerivativeOfContacts, HaveTheBitsOfOneByOne) {
   using Real = TypeParam;
   constexpr Offset kSets = 3;
@@ -59,28 +84,17 @@ TYPED_TEST(DerivativeOfContacts, HaveTheBitsOfOneByOne) {
       const DerivativeOptions options = with_any_residual();
       const std::vector<Real> none;
       for (const auto* by_lambda : {&bar, &none})
-        for (const auto* by_w : {&w_bar, &none}) {
-          const auto pulled = [&](const char* isa) {
-            const ScopedIsa scoped(isa);
-            return vjp(view, lambda, *by_lambda, *by_w, options, nullptr, kSets);
-          };
-          const Gradients<Real> expected = pulled(narrowest_isa());
-          Offset answered = 0;
-          for (const GradientStatus& status : expected.status) answered += (status.flags & kGradientRefused) == 0;
-          EXPECT_GT(answered, 25);
-          for (const char* isa : usable_isas()) {
-            const Gradients<Real> own = pulled(isa);
-            EXPECT_EQ(own.all(), expected.all()) << isa;
-            for (std::size_t e = 0; e < own.status.size(); ++e) {
-              const GradientStatus &a = own.status[e], &b = expected.status[e];
-              EXPECT_EQ(a.residual, b.residual) << isa << ", " << e;
-              EXPECT_EQ(a.forward_residual, b.forward_residual) << isa << ", " << e;
-              EXPECT_EQ(a.flags, b.flags) << isa << ", " << e;
-              EXPECT_EQ(a.unknowns, b.unknowns) << isa << ", " << e;
-              EXPECT_EQ(a.degenerate, b.degenerate) << isa << ", " << e;
-            }
-          }
-        }
+        for (const auto* by_w : {&w_bar, &none})
+          expect_bits_of_one_by_one([&] { return vjp(view, lambda, *by_lambda, *by_w, options, nullptr, kSets); });
+      const auto changed = random_numbers<Real>(static_cast<std::size_t>(kSets * view.nonzero_count), 10),
+                 more = random_numbers<Real>(kSets * rows, 11);
+      const Real *const A = changed.data(), *const one = bar.data(), *const two = w_bar.data(),
+                        *const three = more.data();
+      for (const BatchTangentView<Real>& along :
+           {BatchTangentView<Real>{A, nullptr, one, two, three, two, one},
+            BatchTangentView<Real>{nullptr, nullptr, nullptr, nullptr, one, two, three},
+            BatchTangentView<Real>{A, nullptr, nullptr, nullptr, nullptr, nullptr, nullptr}})
+        expect_bits_of_one_by_one([&] { return jvp(view, lambda, along, options, kSets); });
     }
 }
 
@@ -101,23 +115,15 @@ TYPED_TEST(DerivativeOfContacts, AreFoundInPacks) {
   const auto view = batch.view();
   const auto lambda = random_numbers<Real>(static_cast<std::size_t>(view.row_count), 7);
   std::vector<GradientStatus> status(static_cast<std::size_t>(kEnvs));
+  std::vector<Real> change(lambda.size());
   const DerivativeOptions o;
-  VjpJob<Real> job;
-  static_cast<DerivativeJob<Real>&>(job) = {
+  const DerivativeJob<Real> at{
       view, {lambda.data(), nullptr}, Law::coulomb, 1e30, o.tie_tolerance, o.max_unknowns, 1, status.data()};
-  job.cotangents = {lambda.data(), nullptr};
-  job.gradients = {};
-  for (const char* isa : usable_isas()) {
-    const ScopedIsa scoped(isa);
-    const auto set = cpu::best_isa().derivative();
-    const cpu::VjpPackKernel<Real> packs = [&] {
-      if constexpr (std::is_same_v<Real, float>) {
-        return set.f32.vjp_packs;
-      } else {
-        return set.f64.vjp_packs;
-      }
-    }();
-    if (packs.width == 1) continue;
+  Offset stable = 0;
+  for (const GradientStatus& one : vjp(view, lambda, lambda, {}, with_any_residual(), nullptr).status)
+    stable += (one.flags & (kGradientRefused | kGradientUnstableBranch)) == 0;
+  EXPECT_GT(stable, kEnvs / 2);
+  const auto check = [&](const auto& job, const auto& packs, const char* isa) {
     std::vector<Offset> envs;
     for (Offset e = 0; e < kEnvs; ++e)
       if (packs.takes(job, e)) envs.push_back(e);
@@ -125,11 +131,17 @@ TYPED_TEST(DerivativeOfContacts, AreFoundInPacks) {
     std::vector<std::uint8_t> answered(static_cast<std::size_t>(kEnvs));
     cpu::Scratch scratch;
     packs.run(job, envs.data(), kEnvs, answered.data(), scratch);
-    Offset stable = 0;
-    for (const GradientStatus& one : vjp(view, lambda, lambda, {}, with_any_residual(), nullptr).status)
-      stable += (one.flags & (kGradientRefused | kGradientUnstableBranch)) == 0;
-    EXPECT_GT(stable, kEnvs / 2);
     EXPECT_GE(std::count(answered.begin(), answered.end(), 1), stable - 2) << isa;
+  };
+  for (const char* isa : usable_isas()) {
+    const ScopedIsa scoped(isa);
+    const cpu::DerivativeKernels<Real> kernels = cpu::of_precision<Real>(cpu::best_isa().derivative());
+    if (kernels.packs.vjp.width == 1) continue;
+    VjpJob<Real> back{at, {lambda.data(), nullptr}, {}};
+    check(back, kernels.packs.vjp, isa);
+    JvpJob<Real> front{at, {}, {change.data(), nullptr}};
+    front.tangents.b = lambda.data();
+    check(front, kernels.packs.jvp, isa);
   }
 }
 

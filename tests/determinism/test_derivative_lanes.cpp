@@ -53,7 +53,7 @@ TYPED_TEST(DerivativeLanes, HaveTheBitsOfAnyOrderThreadsAndInstructionSets) {
     const auto bars = random_numbers<Real>(solution.contact.lambda.size(), 1),
                v_bars = random_numbers<Real>(static_cast<std::size_t>(whole.view().dof_count), 2);
     /// Bytes of each environment, by its number.
-    const auto pulled = [&](const std::vector<Offset>& order, int threads) {
+    const auto derived = [&](const std::vector<Offset>& order, int threads) {
       const JacobianBatch<Real> batch = batch_in(order);
       const auto view = batch.view();
       std::vector<Real> lambda, bar, v_bar;
@@ -72,6 +72,9 @@ TYPED_TEST(DerivativeLanes, HaveTheBitsOfAnyOrderThreadsAndInstructionSets) {
           .vjp(view, ReactionView<Real>{lambda.data(), nullptr},
                JacobianSolutionCotangentView<Real>{bar.data(), bar.data(), v_bar.data()}, own.view(),
                own.status.data());
+      JacobianChanges<Real> changes(view);
+      Derivative(Device::cpu(), o)
+          .jvp(view, ReactionView<Real>{lambda.data(), nullptr}, own.tangents(), changes.view(), changes.status.data());
       std::vector<std::string> result(envs.size());
       for (std::size_t at = 0; at < order.size(); ++at) {
         const auto e = static_cast<Offset>(at);
@@ -80,23 +83,27 @@ TYPED_TEST(DerivativeLanes, HaveTheBitsOfAnyOrderThreadsAndInstructionSets) {
         append(bytes, own.J, view.row_offsets[first], view.row_offsets[last]);
         append(bytes, own.M, view.env_mass_offsets[e], view.env_mass_offsets[e + 1]);
         append(bytes, own.v_free, view.env_dof_offsets[e], view.env_dof_offsets[e + 1]);
-        for (const auto* part : {&own.target, &own.R, &own.mu}) append(bytes, *part, first, last);
-        append(bytes, own.status, e, e + 1);
-        EXPECT_EQ(own.status[at].flags & kGradientRefused, 0U);
+        for (const auto* part : {&own.target, &own.R, &own.mu, &changes.lambda, &changes.w})
+          append(bytes, *part, first, last);
+        append(bytes, changes.velocity, view.env_dof_offsets[e], view.env_dof_offsets[e + 1]);
+        for (const auto* records : {&own.status, &changes.status}) {
+          append(bytes, *records, e, e + 1);
+          EXPECT_EQ((*records)[at].flags & kGradientRefused, 0U);
+        }
       }
       return result;
     };
-    const auto expected = pulled(in_order(), 1);
+    const auto expected = derived(in_order(), 1);
     std::vector<Offset> order = in_order();
     std::ranges::reverse(order);
-    EXPECT_EQ(pulled(order, 1), expected);
+    EXPECT_EQ(derived(order, 1), expected);
     std::ranges::rotate(order, order.begin() + 11);
-    EXPECT_EQ(pulled(order, 3), expected);
+    EXPECT_EQ(derived(order, 3), expected);
     for (const Offset e : {0, 7, 18})
-      EXPECT_EQ(pulled({e}, 1)[static_cast<std::size_t>(e)], expected[static_cast<std::size_t>(e)]);
+      EXPECT_EQ(derived({e}, 1)[static_cast<std::size_t>(e)], expected[static_cast<std::size_t>(e)]);
     for (const char* isa : usable_isas()) {
       const ScopedIsa scoped(isa);
-      EXPECT_EQ(pulled(in_order(), 1), expected) << isa;
+      EXPECT_EQ(derived(in_order(), 1), expected) << isa;
     }
   }
 }

@@ -5,7 +5,7 @@
 namespace stiction::inline STICTION_ISA {
 
 cpu::KernelSet solver_kernels(SolverKind solver);
-cpu::VjpPackKernelSet vjp_pack_kernels();
+cpu::ModePackKernelSet mode_pack_kernels();
 cpu::BodyKernelSet si_kernels();
 cpu::JacobianKernelSet jacobian_kernels();
 cpu::VelocityKernelSet velocity_kernels();
@@ -33,7 +33,7 @@ cpu::BodyKernelSet body_kernels() {
     cpu::add_isa({STICTION_ISA_NAME, [] { return single_environments() != nullptr; }, kernels, body_kernels,
                   [] { return single_environments()->newton_body_kernels(); }, jacobian_kernels,
                   [] { return single_environments()->world_kernels(); }, velocity_kernels,
-                  [] { return single_environments()->derivative().with(vjp_pack_kernels()); }, articulated_kernels});
+                  [] { return single_environments()->derivative().with(mode_pack_kernels()); }, articulated_kernels});
 
 }  // namespace
 

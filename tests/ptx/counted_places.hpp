@@ -5,7 +5,7 @@
 #include <cstring>
 #include <vector>
 
-#include "cuda/kernels/jacobian_vjp_program.hpp"
+#include "cuda/kernels/derivative_lanes_program.hpp"
 #include "cuda/kernels/robots_program.hpp"
 #include "cuda/kernels/velocity_program.hpp"
 #include "cuda/kernels/velocity_teams_program.hpp"
@@ -49,8 +49,8 @@ std::vector<ptx::Place> velocity_team_places(const TracedLaunch& launch) {
 }
 /// Numbers of the reverse pass that the next launch reads are output, too.
 template <class Real>
-std::vector<ptx::Place> vjp_lane_places(const TracedLaunch& launch) {
-  const auto args = arguments_of<cuda::JacobianVjpArgs<Real>>(launch);
+std::vector<ptx::Place> derivative_lane_places(const TracedLaunch& launch) {
+  const auto args = arguments_of<cuda::JacobianLanesArgs<Real>>(launch);
   const JacobianBatchView<Real>& batch = args.job.assembly.batch;
   const Offset teams = (batch.env_count + cuda::kWarp - 1) / cuda::kWarp, count = args.job.contact.count;
   const auto& to = args.job.gradients;
@@ -95,8 +95,8 @@ struct Counted {
   const char* kernel;
   std::vector<ptx::Place> (*places)(const TracedLaunch&);
 };
-inline constexpr Counted kCounted[] = {{"VjpLanesProgram<float", vjp_lane_places<float>},
-                                       {"VjpLanesProgram<double", vjp_lane_places<double>},
+inline constexpr Counted kCounted[] = {{"DerivativeLanesProgram<float", derivative_lane_places<float>},
+                                       {"DerivativeLanesProgram<double", derivative_lane_places<double>},
                                        {"StepRobots<float", robot_places<float>},
                                        {"StepRobots<double", robot_places<double>},
                                        {"SolveVelocities<float", velocity_lane_places<float>},

@@ -163,7 +163,7 @@ Issued pulled_back(const io::Recording& recording) {
       .vjp(there, {lambda.data(), nullptr}, cotangents, found.view(), found.status.data());
   const auto one = expected.all(), two = found.all();
   EXPECT_TRUE(same_bits(std::span<const Real>(one), std::span<const Real>(two)));
-  return replayed(recorded, "VjpLanes");
+  return replayed(recorded, "DerivativeLanes");
 }
 
 /// npgs on A. `by_lanes`: as if there were enough environments for a lane each.

@@ -149,7 +149,7 @@ STICTION_HD_OUTLINE void end_jacobian_vjp(TeamT& team, const JacobianVjpJob<type
   }
 }
 
-/// Cotangents of J, M and target of an environment whose adjoint velocities lanes have found (jacobian_vjp_pack.hpp).
+/// Cotangents of J, M and target of an environment whose adjoint velocities lanes have found (jacobian_pack.hpp).
 template <class Tile, Team TeamT>
 STICTION_HD_OUTLINE void finish_answered(TeamT& team, const JacobianVjpJob<typename Tile::Real>& job, Offset index,
                                          typename Tile::Real* own) {

@@ -5,21 +5,24 @@
 /// Changes of an environment's numbers pushed forward to its solution (docs/math/derivative.md, (7) and (8)).
 namespace stiction::inline STICTION_ISA {
 
-/// dA lambda of a row.
+/// Rows of dA, which stores what A stores.
 template <class Real>
-STICTION_HD double row_change(const EnvView<Real>& env, const JvpJob<Real>& job, const DerivativeScratch& s, Index row,
-                              Offset set) {
-  const Real* const lambda = job.at.lambda + env.first_row;
-  double sum = 0.0;
-  if (env.factor == nullptr) {
-    if (job.tangents.A == nullptr) return sum;
-    const Real* const change = job.tangents.A + set * job.batch.nonzero_count + env.row_offsets[row];
-    for (Index k = 0; k < env.entries(row); ++k)
-      sum = fma_(static_cast<double>(change[k]), static_cast<double>(lambda[env.columns(row)[k]]), sum);
-    return sum;
+struct ChangedRows {
+  const EnvView<Real>& env;
+  const Real* dA;
+
+  [[nodiscard]] STICTION_HD Index rows() const { return env.n; }
+  [[nodiscard]] STICTION_HD StoredRow<Real> row(Index i) const {
+    return {dA + env.row_offsets[i], env.columns(i), env.entries(i)};
   }
-  if (job.tangents.factor == nullptr) return sum;
-  // dY (Y' lambda) + Y (dY' lambda).
+};
+
+/// dA lambda of a row of A = Y Y': dY (Y' lambda) + Y (dY' lambda).
+template <class Real>
+STICTION_HD double change_by_factor(const EnvView<Real>& env, const JvpJob<Real>& job, const DerivativeScratch& s,
+                                    Index row, Offset set) {
+  double sum = 0.0;
+  if (env.factor == nullptr || job.tangents.factor == nullptr) return sum;
   const Offset at = static_cast<Offset>(row) * env.dofs;
   const Real* const change = job.tangents.factor + set * job.batch.factor_count + (env.factor - job.batch.factor) + at;
   for (Index k = 0; k < env.dofs; ++k) {
@@ -47,6 +50,25 @@ STICTION_HD void project_reactions(TeamT& team, const EnvView<Real>& env, const 
     s.velocity[k] = sum;
     s.velocity_change[k] = changed;
   });
+}
+
+/// Computes the change of every row's motion by b, R and A while the reactions rest, to `s.still`.
+template <Team TeamT, class Real>
+STICTION_HD void change_motion_at_rest(TeamT& team, const EnvView<Real>& env, const JvpJob<Real>& job,
+                                       const DerivativeScratch& s, Offset set) {
+  const Offset rows = set * job.batch.row_count + env.first_row;
+  const Real* const lambda = job.at.lambda + env.first_row;
+  project_reactions(team, env, job, s, set);
+  const auto keep = [&](Index i, double by_A) {
+    const double by_b =
+        fma_(given(job.tangents.R, rows + i), static_cast<double>(lambda[i]), given(job.tangents.b, rows + i));
+    s.still[i] = by_b + by_A;
+  };
+  if (env.factor == nullptr && job.tangents.A != nullptr) {
+    const ChangedRows<Real> changed{env, job.tangents.A + set * job.batch.nonzero_count};
+    return sum_rows(team, changed, lambda, [](Index) { return 0.0; }, keep);
+  }
+  for_each(team, env.n, [&](Index i) { keep(i, change_by_factor(env, job, s, i, set)); });
 }
 
 /// Returns the change of a box row's reaction by a change of its bounds.
@@ -81,40 +103,32 @@ STICTION_HD void change_bounds(TeamT& team, const EnvView<Real>& env, const JvpJ
   });
 }
 
-/// The change of the solution by a set. Leaves d lambda in `s.nu` and dw in `s.seed`.
-template <Team TeamT, class Real, class Scratch>
-STICTION_HD SolutionCheck<double> solve_change(TeamT& team, const EnvView<Real>& env, const JvpJob<Real>& job,
-                                               const Scratch& s, Offset set, Index unknowns) {
-  const Offset rows = set * job.batch.row_count + env.first_row;
-  const Real* const lambda = job.at.lambda + env.first_row;
-  const EnvModes<Real> modes = modes_of(env, s);
-  project_reactions(team, env, job, s, set);
-  // Change of the motion by b, R and A while the reactions rest.
-  const auto motion_change = [&](Index i) {
-    const double by_b =
-        fma_(given(job.tangents.R, rows + i), static_cast<double>(lambda[i]), given(job.tangents.b, rows + i));
-    return by_b + row_change(env, job, s, i, set);
-  };
-  for_each(team, env.n, [&](Index i) { s.still[i] = motion_change(i); });
-  change_bounds(team, env, job, s, set);
+/// The change of the solution by a set, of one environment or of environments side by side. `still`, `nu` and `image`
+/// have the changes of motions, reactions and tests while the unknowns rest. Leaves d lambda in `nu` and dw in `seed`.
+/// `K`: the factor of G.
+template <Team TeamT, class Modes, class Matrix>
+STICTION_HD auto solve_change(TeamT& team, const Modes& modes, const Matrix& K) {
+  using Wide = typename Modes::Wide;
+  const auto& s = modes.s;
   const auto still = [&](Index i) { return s.still[i]; };
-  const auto keep = [&](Index i, double value) { s.seed[i] = value; };
+  const auto keep = [&](Index i, Wide value) { s.seed[i] = value; };
   apply_rows(team, modes, s.nu, still, keep);
-  double largest = 0.0;
+  Wide largest(0);
   const auto tested = [&](Index i) { return s.seed[i] + s.image[i]; };
-  to_unknowns(team, modes, s.F, tested, [&](Index k, Index, double value) {
-    s.unknown[k] = 0.0 - value;
+  to_unknowns(team, modes, s.F, tested, [&](Index k, Index, Wide value) {
+    s.unknown[k] = Wide(0) - value;
     largest = max_(abs_(value * s.row_scale[k]), largest);
   });
-  solve_system(team, DenseMatrix{s.K, unknowns}, s);
-  for_each(team, env.n, [&](Index i) { s.nu[i] = s.nu[i] + from_unknowns(modes, s.E, i); });
+  solve_system(team, K, s);
+  for_each(team, modes.rows(), [&](Index i) { s.nu[i] = s.nu[i] + from_unknowns(modes, s.E, i); });
   apply_rows(team, modes, s.nu, still, keep);
-  double left = 0.0;
-  to_unknowns(team, modes, s.F, tested, [&](Index k, Index slot, double value) {
+  Wide left(0);
+  to_unknowns(team, modes, s.F, tested, [&](Index k, Index slot, Wide value) {
     left = max_(abs_(fma_(s.D[slot], s.unknown[k], value) * s.row_scale[k]), left);
   });
-  bool is_finite = true;
-  for_each(team, env.n, [&](Index i) { is_finite = is_finite && finite_(s.nu[i]) && finite_(s.seed[i]); });
+  auto is_finite = finite_(Wide(0));
+  for_each(team, modes.rows(),
+           [&](Index i) { is_finite = and_(is_finite, and_(finite_(s.nu[i]), finite_(s.seed[i]))); });
   return check_solution(team, left, largest, is_finite);
 }
 
@@ -139,7 +153,9 @@ STICTION_HD void jvp_along(TeamT& team, const EnvView<Real>& env, const JvpJob<R
   for (Offset set = 0; set < job.count; ++set) {
     bool broken = refused;
     if (!refused) {
-      const auto own = solve_change(team, env, job, s, set, found.unknowns);
+      change_motion_at_rest(team, env, job, s, set);
+      change_bounds(team, env, job, s, set);
+      const auto own = solve_change(team, modes_of(env, s), DenseMatrix{s.K, found.unknowns});
       broken = !own.is_finite;
       if (broken) {
         found.flags |= kGradientNonFinite;

@@ -62,16 +62,16 @@ STICTION_HD EnvModes<Real> modes_of(const EnvView<Real>& env, const DerivativeSc
 /// Rows of A whose sums a lane forms side by side, so that they do not wait for each other. It reaches speed alone.
 inline constexpr Index kRowsTogether = 4;
 
-/// sum[r] += row first + r of A times in, each in stored order; kRowsTogether rows that store as many entries.
-template <class Modes, class Wide>
-STICTION_HD void add_rows_together(const Modes& modes, Index first, const Wide* in, Wide (&sum)[kRowsTogether]) {
-  const auto a = modes.row(first), b = modes.row(first + 1), c = modes.row(first + 2), d = modes.row(first + 3);
+/// sum[r] += row first + r times in, each in stored order; kRowsTogether rows that store as many entries.
+template <class Rows, class In, class Wide>
+STICTION_HD void add_rows_together(const Rows& rows, Index first, const In* in, Wide (&sum)[kRowsTogether]) {
+  const auto a = rows.row(first), b = rows.row(first + 1), c = rows.row(first + 2), d = rows.row(first + 3);
   Wide sum_a = sum[0], sum_b = sum[1], sum_c = sum[2], sum_d = sum[3];
   for (Index k = 0; k < a.count; ++k) {
-    sum_a = fma_(a.value(k), in[a.column(k)], sum_a);
-    sum_b = fma_(b.value(k), in[b.column(k)], sum_b);
-    sum_c = fma_(c.value(k), in[c.column(k)], sum_c);
-    sum_d = fma_(d.value(k), in[d.column(k)], sum_d);
+    sum_a = fma_(a.value(k), static_cast<Wide>(in[a.column(k)]), sum_a);
+    sum_b = fma_(b.value(k), static_cast<Wide>(in[b.column(k)]), sum_b);
+    sum_c = fma_(c.value(k), static_cast<Wide>(in[c.column(k)]), sum_c);
+    sum_d = fma_(d.value(k), static_cast<Wide>(in[d.column(k)]), sum_d);
   }
   sum[0] = sum_a;
   sum[1] = sum_b;
@@ -80,12 +80,41 @@ STICTION_HD void add_rows_together(const Modes& modes, Index first, const Wide* 
 }
 
 /// Returns true if kRowsTogether rows store as many entries.
-template <class Modes>
-STICTION_HD bool are_alike(const Modes& modes, Index first) {
-  if (first + kRowsTogether > modes.rows()) return false;
+template <class Rows>
+STICTION_HD bool are_alike(const Rows& rows, Index first) {
+  if (first + kRowsTogether > rows.rows()) return false;
   for (Index r = 1; r < kRowsTogether; ++r)
-    if (modes.row(first + r).count != modes.row(first).count) return false;
+    if (rows.row(first + r).count != rows.row(first).count) return false;
   return true;
+}
+
+/// store(i, start(i) + row i times in): in double, summed in stored order by one lane.
+template <Team TeamT, class Rows, class In, class Start, class Store>
+STICTION_HD void sum_rows(TeamT& team, const Rows& rows, const In* in, const Start& start, const Store& store) {
+  using Wide = decltype(start(Index{0}));
+  const auto sum_one = [&](Index i) {
+    const auto row = rows.row(i);
+    Wide sum = start(i);
+    for (Index k = 0; k < row.count; ++k) sum = fma_(row.value(k), static_cast<Wide>(in[row.column(k)]), sum);
+    store(i, sum);
+  };
+  if constexpr (requires { requires TeamT::size() == 1; }) {
+    Index i = 0;
+    while (i < rows.rows()) {
+      if (!are_alike(rows, i)) {
+        sum_one(i);
+        ++i;
+        continue;
+      }
+      Wide sum[kRowsTogether];
+      for (Index r = 0; r < kRowsTogether; ++r) sum[r] = start(i + r);
+      add_rows_together(rows, i, in, sum);
+      for (Index r = 0; r < kRowsTogether; ++r) store(i + r, sum[r]);
+      i += kRowsTogether;
+    }
+  } else {
+    for_each(team, rows.rows(), sum_one);
+  }
 }
 
 /// apply_rows() by Y.
@@ -106,36 +135,13 @@ STICTION_HD void apply_factor(TeamT& team, const Modes& modes, const double* in,
   });
 }
 
-/// store(i, base(i) + row i of (A + diag R) times in): in double, summed in stored order by one lane.
+/// store(i, base(i) + row i of (A + diag R) times in).
 template <Team TeamT, class Modes, class Base, class Store>
 STICTION_HD void apply_rows(TeamT& team, const Modes& modes, const typename Modes::Wide* in, const Base& base,
                             const Store& store) {
-  using Wide = typename Modes::Wide;
   if constexpr (Modes::kMayHaveFactor)
     if (modes.factor() != nullptr) return apply_factor(team, modes, in, base, store);
-  const auto apply_one = [&](Index i) {
-    const auto row = modes.row(i);
-    Wide sum = fma_(modes.compliance(i), in[i], base(i));
-    for (Index k = 0; k < row.count; ++k) sum = fma_(row.value(k), in[row.column(k)], sum);
-    store(i, sum);
-  };
-  if constexpr (requires { requires TeamT::size() == 1; }) {
-    Index i = 0;
-    while (i < modes.rows()) {
-      if (!are_alike(modes, i)) {
-        apply_one(i);
-        ++i;
-        continue;
-      }
-      Wide sum[kRowsTogether];
-      for (Index r = 0; r < kRowsTogether; ++r) sum[r] = fma_(modes.compliance(i + r), in[i + r], base(i + r));
-      add_rows_together(modes, i, in, sum);
-      for (Index r = 0; r < kRowsTogether; ++r) store(i + r, sum[r]);
-      i += kRowsTogether;
-    }
-  } else {
-    for_each(team, modes.rows(), apply_one);
-  }
+  sum_rows(team, modes, in, [&](Index i) { return fma_(modes.compliance(i), in[i], base(i)); }, store);
 }
 
 /// out[j] = base(j) + column j of (A + diag R) times in, summed over the rows in their order; `out` is not `in`. Rows

@@ -10,8 +10,8 @@
 namespace stiction::inline STICTION_ISA {
 
 /// Entry (f, c) of G where G, or its transpose, is stored.
-template <bool kTransposed>
-STICTION_HD double& system_entry(const DenseMatrix& K, Index f, Index c) {
+template <bool kTransposed, class Matrix>
+STICTION_HD auto& system_entry(const Matrix& K, Index f, Index c) {
   return kTransposed ? K(c, f) : K(f, c);
 }
 

@@ -50,15 +50,23 @@ template <class Real>
 struct Changes {
   std::vector<Real> lambda, w;
   std::vector<GradientStatus> status;
+
+  /// All numbers, one after another.
+  [[nodiscard]] std::vector<Real> all() const {
+    std::vector<Real> numbers = lambda;
+    numbers.insert(numbers.end(), w.begin(), w.end());
+    return numbers;
+  }
 };
 template <class Real>
 Changes<Real> jvp(const ContactBatchView<Real>& batch, const std::vector<Real>& lambda,
-                  const BatchTangentView<Real>& tangents, const DerivativeOptions& options = {}) {
-  Changes<Real> to{std::vector<Real>(lambda.size()), std::vector<Real>(lambda.size()),
+                  const BatchTangentView<Real>& tangents, const DerivativeOptions& options = {}, Offset count = 1) {
+  const auto rows = static_cast<std::size_t>(count * batch.row_count);
+  Changes<Real> to{std::vector<Real>(rows, Real(77)), std::vector<Real>(rows, Real(77)),
                    std::vector<GradientStatus>(static_cast<std::size_t>(batch.env_count))};
   Derivative(Device::cpu(), options)
       .jvp(batch, ReactionView<Real>{lambda.data(), nullptr}, tangents,
-           SolutionTangentView<Real>{to.lambda.data(), to.w.data()}, to.status.data());
+           SolutionTangentView<Real>{to.lambda.data(), to.w.data()}, to.status.data(), count);
   return to;
 }
 

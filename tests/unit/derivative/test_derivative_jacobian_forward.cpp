@@ -156,8 +156,13 @@ TEST(ForwardDerivativeOfJacobians, IsTheTransposeOfTheReverse) {
   EXPECT_GE(used, 100);
 }
 
-TEST(ForwardDerivativeOfJacobians, SeveralSetsAreThoseOfCallsOfTheirOwn) {
-  JacobianBatch<double> batch(Law::coulomb);
+/// Lanes push environments under the convex law forward, others go one by one.
+class ForwardDerivativeByLaw : public testing::TestWithParam<Law> {};
+INSTANTIATE_TEST_SUITE_P(BothLaws, ForwardDerivativeByLaw, testing::ValuesIn(kBothLaws),
+                         [](const auto& one) { return one.param == Law::convex ? "convex" : "coulomb"; });
+
+TEST_P(ForwardDerivativeByLaw, SeveralSetsAreThoseOfCallsOfTheirOwn) {
+  JacobianBatch<double> batch(GetParam());
   for (std::uint64_t seed = 1; seed <= 20; ++seed) batch.add(random_jacobian({seed, 3, 2, 9, 0, 0.02}));
   const auto view = batch.view();
   const auto lambda = solve(batch, options(SolverKind::newton, 1e-12, 100)).contact.lambda;
@@ -199,9 +204,9 @@ TEST(ForwardDerivativeOfJacobians, WithoutContactsVelocitiesFollowTheFreeOnes) {
   EXPECT_EQ(refused.velocity, std::vector<double>(4, 0.0));
 }
 
-TEST(ForwardDerivativeOfJacobians, ABrokenEnvironmentGetsZerosAndLeavesOthersAlone) {
+TEST_P(ForwardDerivativeByLaw, ABrokenEnvironmentGetsZerosAndLeavesOthersAlone) {
   constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-  JacobianBatch<double> sound(Law::coulomb), broken(Law::coulomb);
+  JacobianBatch<double> sound(GetParam()), broken(GetParam());
   for (std::uint64_t seed = 1; seed <= 3; ++seed) {
     JacobianEnvironment<double> env = random_jacobian({seed, 2, 2, 6, 0, 0.01});
     sound.add(env);

@@ -1,14 +1,14 @@
 #pragma once
 
-#include "core/algorithm/derivative/vjp_slots.hpp"
-#include "core/algorithm/derivative/vjp_workspace.hpp"
+#include "core/algorithm/derivative/mode_slots.hpp"
+#include "core/algorithm/derivative/mode_workspace.hpp"
 
-/// Environments of contacts into the lanes in which they are pulled back.
+/// Environments of contacts into the lanes in which they are differentiated.
 namespace stiction::inline STICTION_ISA {
 
 /// Lists the batch's rows and cones of an environment's slots in its lane.
 template <class Real, int W>
-void list_own_rows(const EnvView<Real>& env, const VjpSlots& slots, const VjpWorkspace<Real, W>& s, int lane) {
+void list_own_rows(const EnvView<Real>& env, const ModeSlots& slots, const ModeWorkspace<Real, W>& s, int lane) {
   Index *const batch_row = s.rows_of(lane), *const cone_row = s.cones_of(lane);
   for (Index r = 0; r < s.n; ++r) batch_row[r] = -1;
   slots.for_each_cone(
@@ -22,7 +22,7 @@ void list_own_rows(const EnvView<Real>& env, const VjpSlots& slots, const VjpWor
 
 /// Numbers of each environment's rows into lanes; zeros where there are none.
 template <class Real, int W>
-void load_own_rows(const EnvView<Real>* envs, int count, const Real* numbers, const VjpWorkspace<Real, W>& s,
+void load_own_rows(const EnvView<Real>* envs, int count, const Real* numbers, const ModeWorkspace<Real, W>& s,
                    Pack<double, W>* to) {
   for (Index r = 0; r < s.n; ++r) to[r] = Pack<double, W>(0);
   auto* const number = reinterpret_cast<double*>(to);
@@ -51,7 +51,7 @@ void deal_tile(const Real* const (&from)[W], Index count, Real* to) {
 /// A of all environments, whose rows store every column in order, into lanes. In a lane every number has a separate
 /// cache line, and each line is visited once for all.
 template <class Real, int W>
-void load_own_matrices(const EnvView<Real>* envs, int count, const VjpWorkspace<Real, W>& s) {
+void load_own_matrices(const EnvView<Real>* envs, int count, const ModeWorkspace<Real, W>& s) {
   for (Index k = 0; k < s.n + s.kLine; ++k) s.zeros[k] = 0;
   for (Index k = 0; k < s.n * W; ++k) s.row[k] = s.zeros;
   PendingLoad<Real> loads[W];

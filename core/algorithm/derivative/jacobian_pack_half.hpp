@@ -5,12 +5,13 @@
 #include "core/algorithm/velocity/evaluate/evaluate_pack.hpp"
 #include "core/algorithm/velocity/iterate/hessian_rows.hpp"
 
-/// The adjoint velocity of environments side by side, in double (docs/math/derivative.md, (32), (33) and (36)).
+/// Adjoint velocities, or changes of velocities, of environments side by side, in double (docs/math/derivative.md, (32)
+/// to (36)).
 namespace stiction::inline STICTION_ISA {
 
 /// The pack seen from lane `part.first` on.
 template <class Types>
-struct JacobianVjpHalf {
+struct JacobianPackHalf {
   using Double = typename Types::Double;
   using Doubles = typename Types::Doubles;
   using Value = Double;
@@ -110,7 +111,7 @@ struct JacobianVjpHalf {
   STICTION_HD_OUTLINE Mask<Double> factor_system() const {
     const Doubles H = hessian();
     for (Index e = 0; e < tree.entries; ++e) H.put(e, number(workspace.M, e));
-    HessianRows<JacobianVjpHalf>{*this}.add();
+    HessianRows<JacobianPackHalf>{*this}.add();
     SerialTeam team;
     return factor_tree(team, tree, H, array(workspace.system_pivot));
   }

@@ -1,18 +1,21 @@
 #pragma once
 
-#include "core/algorithm/derivative/vjp.hpp"
-#include "core/algorithm/derivative/vjp_load.hpp"
+#include <type_traits>
+
+#include "core/algorithm/derivative/jvp.hpp"
+#include "core/algorithm/derivative/mode_load.hpp"
 #include "core/algorithm/linear/dense/lane_lu.hpp"
 
-/// vjp_env() of environments side by side (core/algorithm/derivative/README.md). Modes are found one by
-/// one. All that grows faster than with the number of rows is done in lanes: products with A, the system, its factor.
-/// The products and the adjoint are vjp_env()'s own text. The system is summed and factored in another order of loops,
-/// and each number of it in the same order. All thus have the bits that they have alone. An environment that has less
-/// than others adds zeros, and one with anything out of the ordinary is left to vjp_env(). Host only.
+/// vjp_env() and jvp_env() of environments side by side (core/algorithm/derivative/README.md). Modes, and changes while
+/// reactions rest, are found one by one. All that grows faster than with the number of rows is done in lanes: products
+/// with A, the system, its factor. The products and the solution of a set are the text of one environment. The system
+/// is summed and factored in another order of loops, and each number of it in the same order. All thus have the bits
+/// that they have alone. An environment that has less than others adds zeros, and one with anything out of the ordinary
+/// is left to the program of one. Host only.
 namespace stiction::inline STICTION_ISA {
 
 /// Environments of more rows fill the cache, and their loops are long enough alone.
-inline constexpr Index kMostVjpRows = 64;
+inline constexpr Index kMostModeRows = 64;
 
 /// A row of A in lanes, which stores every column in order.
 template <class Real, int W>
@@ -33,7 +36,7 @@ template <class Real, int W>
 struct LaneModes {
   using Wide = Pack<double, W>;
   static constexpr bool kMayHaveFactor = false;
-  const VjpWorkspace<Real, W>& s;
+  const ModeWorkspace<Real, W>& s;
   Index cone_count = 0;
 
   [[nodiscard]] Index rows() const { return s.n; }
@@ -48,21 +51,23 @@ struct LaneModes {
 /// Cotangents of their solutions, of a set.
 template <class Real, int W>
 struct LaneBar {
-  const VjpWorkspace<Real, W>& s;
+  const ModeWorkspace<Real, W>& s;
   bool is_of_w;
 
-  [[nodiscard]] Pack<double, W> by_lambda(Index i) const { return s.given[i]; }
-  [[nodiscard]] Pack<double, W> by_w(Index i) const { return s.motion[i]; }
+  [[nodiscard]] Pack<double, W> by_lambda(Index i) const { return s.seed[i]; }
+  [[nodiscard]] Pack<double, W> by_w(Index i) const { return s.still[i]; }
   [[nodiscard]] bool has_w() const { return is_of_w; }
 };
 
-template <class Real, int W>
-class VjpPack {
+/// `Job`: VjpJob<Real> or JvpJob<Real>.
+template <class Job, class Real, int W>
+class ModePack {
  public:
   using Lanes = Pack<double, W>;
+  static constexpr bool kIsReverse = std::is_same_v<Job, VjpJob<Real>>;
 
-  VjpPack(const VjpJob<Real>& job, const Offset* envs, Index count, const VjpSlots& slots,
-          const VjpWorkspace<Real, W>& workspace)
+  ModePack(const Job& job, const Offset* envs, Index count, const ModeSlots& slots,
+           const ModeWorkspace<Real, W>& workspace)
       : job_(job), envs_(envs), count_(count), slots_(slots), s_(workspace), n_(slots.rows()), modes_{workspace} {}
 
   /// Writes the environments it can, marked in `answered`.
@@ -73,7 +78,7 @@ class VjpPack {
     load_directions();
     factor();
     for (Offset set = 0; set < job_.count; ++set) {
-      load_cotangents(set);
+      load_set(set);
       solve();
       for (int l = 0; l < count_; ++l)
         if (alive_[l]) write(l, set);
@@ -104,19 +109,19 @@ class VjpPack {
     }
     load_own_matrices<Real, W>(env_, count_, s_);
     load_own_rows<Real, W>(env_, count_, job_.batch.R, s_, s_.R);
-    load_own_rows<Real, W>(env_, count_, job_.at.lambda, s_, s_.given);
-    load_own_rows<Real, W>(env_, count_, job_.batch.b, s_, s_.motion);
+    load_own_rows<Real, W>(env_, count_, job_.at.lambda, s_, s_.seed);
+    load_own_rows<Real, W>(env_, count_, job_.batch.b, s_, s_.still);
   }
 
-  /// motion += (A + diag R) given.
+  /// still += (A + diag R) seed: the motion at the reactions.
   void find_motions() {
     apply_rows(
-        team_, modes_, s_.given, [&](Index i) { return s_.motion[i]; },
-        [&](Index i, Lanes value) { s_.motion[i] = value; });
+        team_, modes_, s_.seed, [&](Index i) { return s_.still[i]; },
+        [&](Index i, Lanes value) { s_.still[i] = value; });
   }
 
   void find_modes_of(int l) {
-    for_each_row(l, [&](Index r, Index i) { own_[l].w[i] = lane(s_.motion, r, l); });
+    collect(s_.still, l, own_[l].w);
     found_[l] = find_modes_at_motion(team_, env_[l], job_, envs_[l], StoredRows<Real>{&env_[l]}, own_[l]);
     alive_[l] = (found_[l].flags & kGradientRefused) == 0;
   }
@@ -165,8 +170,8 @@ class VjpPack {
 
   [[nodiscard]] LaneMatrix<W> system() const { return {s_.K, unknowns_}; }
 
-  /// The entries of G' in the columns of a cone's F: sums of blocks, in registers. `kBent`: in some lane its directions
-  /// are not its rows'.
+  /// The entries of G, or of its transpose in reverse, of a cone's F: sums of blocks, in registers. `kBent`: in some
+  /// lane its directions are not its rows'.
   template <int kRows, bool kBent>
   void fill_columns(Index slot) const {
     const ConeUnknowns own = modes_.cone(slot);
@@ -186,7 +191,8 @@ class VjpPack {
           for (Index j = other.row + begin; j < other.row + end; ++j) add(row.value(j), j);
           if (cone == slot) add(s_.R[own.row + i], own.row + i);
         }
-        for (int f = 0; f < kRows && f < own.count; ++f) K(other.first + c, own.first + f) = sum[f];
+        for (int f = 0; f < kRows && f < own.count; ++f)
+          system_entry<kIsReverse>(K, own.first + f, other.first + c) = sum[f];
       }
     }
     for (int f = 0; f < kRows && f < own.count; ++f) {
@@ -235,15 +241,46 @@ class VjpPack {
     return true;
   }
 
+  /// The cotangents of a set, or what changes while the unknowns rest.
+  void load_set(Offset set) {
+    if constexpr (kIsReverse) {
+      load_cotangents(set);
+    } else {
+      for (int l = 0; l < count_; ++l) {
+        if (!alive_[l]) continue;
+        change_motion_at_rest(team_, env_[l], job_, own_[l], set);
+        change_bounds(team_, env_[l], job_, own_[l], set);
+      }
+      deal(&DerivativeScratch::still, s_.still);
+      deal(&DerivativeScratch::nu, s_.nu);
+      deal(&DerivativeScratch::image, s_.image);
+    }
+  }
+  /// Numbers that each environment has alone into lanes; zeros where there are none.
+  void deal(double* DerivativeScratch::* numbers, Lanes* to) {
+    for (Index r = 0; r < n_; ++r) to[r] = Lanes(0);
+    for (int l = 0; l < count_; ++l)
+      if (alive_[l]) for_each_row(l, [&](Index r, Index i) { lane(to, r, l) = (own_[l].*numbers)[i]; });
+  }
+  void collect(const Lanes* from, int l, double* to) {
+    for_each_row(l, [&](Index r, Index i) { to[i] = reinterpret_cast<const double*>(from)[Offset{r} * W + l]; });
+  }
   void load_cotangents(Offset set) {
     const auto of_set = [&](const Real* numbers) {
       return numbers == nullptr ? nullptr : numbers + set * job_.batch.row_count;
     };
-    load_own_rows<Real, W>(env_, count_, of_set(job_.cotangents.lambda), s_, s_.given);
-    load_own_rows<Real, W>(env_, count_, of_set(job_.cotangents.w), s_, s_.motion);
+    load_own_rows<Real, W>(env_, count_, of_set(job_.cotangents.lambda), s_, s_.seed);
+    load_own_rows<Real, W>(env_, count_, of_set(job_.cotangents.w), s_, s_.still);
+  }
+  auto solution_of_set() {
+    if constexpr (kIsReverse) {
+      return solve_adjoint(team_, modes_, system(), LaneBar<Real, W>{s_, job_.cotangents.w != nullptr});
+    } else {
+      return solve_change(team_, modes_, system());
+    }
   }
   void solve() {
-    const auto own = solve_adjoint(team_, modes_, system(), LaneBar<Real, W>{s_, job_.cotangents.w != nullptr});
+    const auto own = solution_of_set();
     for (int l = 0; l < count_; ++l) {
       alive_[l] = alive_[l] && is_set(own.is_finite, l);
       residual_[l] = max_(own.residual.v[l], residual_[l]);
@@ -251,18 +288,21 @@ class VjpPack {
   }
 
   void write(int l, Offset set) {
-    for_each_row(l, [&](Index r, Index i) {
-      own_[l].nu[i] = lane(s_.nu, r, l);
-      own_[l].image[i] = lane(s_.image, r, l);
-    });
-    write_gradients(team_, env_[l], job_, own_[l], set, false);
+    collect(s_.nu, l, own_[l].nu);
+    if constexpr (kIsReverse) {
+      collect(s_.image, l, own_[l].image);
+      write_gradients(team_, env_[l], job_, own_[l], set, false);
+    } else {
+      collect(s_.seed, l, own_[l].seed);
+      write_changes(team_, env_[l], job_, own_[l], set, false);
+    }
   }
 
-  const VjpJob<Real>& job_;
+  const Job& job_;
   const Offset* envs_;
   Index count_;
-  const VjpSlots& slots_;
-  const VjpWorkspace<Real, W>& s_;
+  const ModeSlots& slots_;
+  const ModeWorkspace<Real, W>& s_;
   Index n_;
   LaneModes<Real, W> modes_;
   Index unknowns_ = 0;
@@ -272,7 +312,7 @@ class VjpPack {
   ModesFound found_[W];
   bool alive_[W] = {};
   double residual_[W] = {};
-  bool is_bent_[kMostVjpRows * 2];  ///< of a cone in some lane: its directions are not its rows'
+  bool is_bent_[kMostModeRows * 2];  ///< of a cone in some lane: its directions are not its rows'
 };
 
 }  // namespace stiction::inline STICTION_ISA

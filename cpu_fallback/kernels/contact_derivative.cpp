@@ -1,16 +1,17 @@
-#include "cpu_fallback/tables/contact_vjp.hpp"
+#include "cpu_fallback/tables/contact_derivative.hpp"
 
-#include "core/algorithm/derivative/vjp_pack.hpp"
+#include "core/algorithm/derivative/mode_pack.hpp"
 #include "cpu_fallback/pack/pack_width.hpp"
+#include "cpu_fallback/tables/jacobian_jvp.hpp"
 
 namespace stiction::inline STICTION_ISA {
 
 namespace {
 
-template <class Real>
-bool takes(const VjpJob<Real>& job, Offset env) {
+template <class Job>
+bool takes(const Job& job, Offset env) {
   const Index rows = job.batch.env_rows(env);
-  if (rows < 1 || rows > kMostVjpRows || job.batch.env_dofs(env) > 0) return false;
+  if (rows < 1 || rows > kMostModeRows || job.batch.env_dofs(env) > 0) return false;
   return has_full_rows(slice_problem(job.batch, job.law, env));
 }
 
@@ -20,12 +21,11 @@ constexpr Index kFewest = kWidth > 4 ? 3 : 2;  // fewer take longer in a pack th
 
 /// Packs of environments that follow one another. One whose cones would leave too much of the others' lanes empty
 /// begins the next pack.
-template <class Real>
-void vjp_packs(const VjpJob<Real>& job, const Offset* envs, Offset count, std::uint8_t* answered,
-               cpu::Scratch& scratch) {
+template <class Real, class Job>
+void run_packs(const Job& job, const Offset* envs, Offset count, std::uint8_t* answered, cpu::Scratch& scratch) {
   const ContactBatchView<Real>& batch = job.batch;
   for (Offset first = 0; first < count;) {
-    VjpSlots slots;
+    ModeSlots slots;
     Index most_cones = 0, most_rows = 0, members = 0;
     for (; members < kWidth && first + members < count; ++members) {
       const Offset env = envs[first + members];
@@ -38,28 +38,32 @@ void vjp_packs(const VjpJob<Real>& job, const Offset* envs, Offset count, std::u
       most_cones = max_(cones, most_cones);
     }
     if (members >= kFewest) {
-      using Workspace = VjpWorkspace<Real, kWidth>;
+      using Workspace = ModeWorkspace<Real, kWidth>;
       const Index rows = slots.rows();
       const Workspace workspace(scratch.reserve<double>(Workspace::elements(rows, most_cones)), rows, most_cones);
-      VjpPack<Real, kWidth>(job, envs + first, members, slots, workspace).run(answered);
+      ModePack<Job, Real, kWidth>(job, envs + first, members, slots, workspace).run(answered);
     }
     first += max_(members, 1);
   }
 }
 #endif
 
-template <class Real>
-cpu::VjpPackKernel<Real> kernel() {
+template <class Real, class Job>
+cpu::ModePackKernel<Job> kernel() {
 #if STICTION_VECTOR_BYTES > 0
-  if constexpr (kWidth > 1) return {kWidth, takes<Real>, vjp_packs<Real>};
+  if constexpr (kWidth > 1) return {kWidth, takes<Job>, run_packs<Real, Job>};
 #endif
   return {};
+}
+template <class Real>
+cpu::ModePackKernels<Real> kernels() {
+  return {kernel<Real, VjpJob<Real>>(), kernel<Real, JvpJob<Real>>(), jacobian_jvp_all<Real>};
 }
 
 }  // namespace
 
-cpu::VjpPackKernelSet vjp_pack_kernels() {
-  return {kernel<float>(), kernel<double>()};
+cpu::ModePackKernelSet mode_pack_kernels() {
+  return {kernels<float>(), kernels<double>()};
 }
 
 }  // namespace stiction::inline STICTION_ISA

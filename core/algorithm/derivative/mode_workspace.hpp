@@ -5,10 +5,10 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// Scratch of W environments that are pulled back side by side. Numbers of all lanes lie beside each other, by the
-/// rows of VjpSlots; results of each environment alone lie apart.
+/// Scratch of W environments that are differentiated side by side. Numbers of all lanes lie beside each other, by the
+/// rows of ModeSlots; results of each environment alone lie apart.
 template <class Real, int W>
-struct VjpWorkspace {
+struct ModeWorkspace {
   using Lanes = Pack<double, W>;
   static constexpr Index kLanes = W;
   static constexpr Index kLine =
@@ -19,10 +19,10 @@ struct VjpWorkspace {
   Lanes* F;             ///< which motions stay zero                                    (n * kMaxConeRows)
   Lanes* D;             ///< 1 where a lane has no such unknown                         (n)
   Lanes* R;             ///<                                                            (n)
-  Lanes* given;         ///< reactions, then their cotangents                           (n)
-  Lanes* motion;        ///< their motion, then its cotangents                          (n)
-  Lanes* nu;            ///< adjoint reaction                                           (n)
-  Lanes* image;         ///< product with A'                                            (n)
+  Lanes* seed;          ///< reactions, then their cotangents, or changes of w          (n)
+  Lanes* still;         ///< their motion, then its cotangents, or changes while reactions rest  (n)
+  Lanes* nu;            ///< adjoint reaction, or change of the reaction                (n)
+  Lanes* image;         ///< product with A', or changes of tests                       (n)
   Lanes* K;             ///< the systems                                                (n * n)
   Lanes* row_scale;     ///< powers of two                                              (n)
   Lanes* column_scale;  ///<                                                            (n)
@@ -49,7 +49,7 @@ struct VjpWorkspace {
            (2 * n + integers(n, cones) + 1) / 2;
   }
 
-  VjpWorkspace(double* memory, Index rows, Index most_cones)
+  ModeWorkspace(double* memory, Index rows, Index most_cones)
       : n(rows),
         cones(most_cones),
         tail_length(static_cast<Index>(tail_of(rows))),
@@ -64,7 +64,7 @@ struct VjpWorkspace {
     A = reinterpret_cast<Real*>(take(Offset{n} * n * W));
     E = take_lanes(n * kMaxConeRows);
     F = take_lanes(n * kMaxConeRows);
-    for (Lanes** part : {&D, &R, &given, &motion, &nu, &image, &row_scale, &column_scale, &unknown})
+    for (Lanes** part : {&D, &R, &seed, &still, &nu, &image, &row_scale, &column_scale, &unknown})
       *part = take_lanes(n);
     own = take(W * own_length);
     row = reinterpret_cast<const Real**>(take(Offset{n} * W));

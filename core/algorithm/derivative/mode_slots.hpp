@@ -3,12 +3,12 @@
 #include "core/base/macros.hpp"
 #include "stiction/types.hpp"
 
-/// Slots of the cones of environments that are pulled back side by side. Host only.
+/// Slots of the cones of environments that are differentiated side by side. Host only.
 namespace stiction::inline STICTION_ISA {
 
 /// Cones of several environments in one order that has each environment's own order in it: runs of cones with as many
 /// rows. Missing cones are gaps in the lane. The order of sums then follows from the environment alone.
-class VjpSlots {
+class ModeSlots {
  public:
   static constexpr Index kMostRuns = 16;
 
@@ -25,7 +25,7 @@ class VjpSlots {
   /// many runs, or more rows than `most_rows`.
   template <class Size>
   [[nodiscard]] bool take(Index cones, const Size& size, Index most_rows) {
-    VjpSlots wider = *this;
+    ModeSlots wider = *this;
     Index at = 0;
     for (Index first = 0; first < cones;) {
       Index next = first + 1;

@@ -5,7 +5,7 @@
 
 namespace stiction::inline STICTION_ISA {
 
-/// Pulling environments of contacts back side by side, or nothing where this instruction set has no packs.
-cpu::VjpPackKernelSet vjp_pack_kernels();
+/// Derivatives of environments of contacts side by side, or nothing where this instruction set has no packs.
+cpu::ModePackKernelSet mode_pack_kernels();
 
 }  // namespace stiction::inline STICTION_ISA

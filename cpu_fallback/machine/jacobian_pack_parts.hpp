@@ -3,27 +3,28 @@
 #include <span>
 #include <vector>
 
-#include "core/algorithm/derivative/jacobian_vjp_limits.hpp"
+#include "core/algorithm/derivative/jacobian_pack_limits.hpp"
 #include "cpu_fallback/machine/large_parts.hpp"
 
 namespace stiction::cpu {
 
-/// Items of a batch that lanes pull back: environments, and the parts of those that are too large for a lane.
-template <class Real>
-class JacobianVjpParts {
+/// Items of a batch that lanes differentiate: environments, and the parts of those that are too large for a lane.
+template <class Real, class Job>
+class JacobianPackParts {
  public:
-  explicit JacobianVjpParts(const JacobianVjpJob<Real>& job) : job_(job) {
+  explicit JacobianPackParts(const Job& job) : job_(job) {
     const JacobianBatchView<Real>& batch = job.assembly.batch;
     std::vector<Offset> large;
     for (Offset env = 0; env < batch.env_count; ++env) {
-      if (!takes_vjp(job, env)) continue;
+      if (!takes_derivative(job, env)) continue;
       const LaneEnv<Real> whole = lane_env(batch, env);
-      if (whole.dofs > kMostVelocityDofs)
-        large.push_back(env);
-      else if (takes_vjp_size(whole))
+      if (whole.dofs > kMostVelocityDofs) {
+        if (kTakesParts<Job, Real>) large.push_back(env);
+      } else if (takes_derivative_size(whole)) {
         parts_.push_back(whole);
+      }
     }
-    islands_.append(batch, large, parts_, [](const LaneEnv<Real>& part) { return takes_vjp_size(part); });
+    islands_.append(batch, large, parts_, [](const LaneEnv<Real>& part) { return takes_derivative_size(part); });
     sort_by_size(parts_);
     results_.resize(parts_.size());
     std::vector<double> scales(large.empty() ? 0 : static_cast<std::size_t>(batch.env_count));
@@ -38,18 +39,18 @@ class JacobianVjpParts {
   [[nodiscard]] JacobianVjpResult* results() { return results_.data(); }
 
   /// Joins the results of each environment's parts, and writes down which are answered.
-  void finish() const {
+  void finish(std::uint8_t* answered) const {
     std::vector<JacobianVjpResult> wholes(static_cast<std::size_t>(job_.assembly.batch.env_count));
     for (std::size_t i = 0; i < parts_.size(); ++i) {
-      job_.lanes.answered[parts_[i].env] = 1;
+      answered[parts_[i].env] = 1;
       join(wholes[static_cast<std::size_t>(parts_[i].env)], results_[i]);
     }
     for (Offset env = 0; env < job_.assembly.batch.env_count; ++env)
-      if (job_.lanes.answered[env] != 0) stiction::finish(job_, env, wholes[static_cast<std::size_t>(env)]);
+      if (answered[env] != 0) stiction::finish(job_, answered, env, wholes[static_cast<std::size_t>(env)]);
   }
 
  private:
-  const JacobianVjpJob<Real>& job_;
+  const Job& job_;
   std::vector<LaneEnv<Real>> parts_;
   std::vector<JacobianVjpResult> results_;
   LargeParts<Real> islands_;

@@ -1,22 +1,28 @@
 #pragma once
 
+#include <type_traits>
+
 #include "core/algorithm/velocity/lanes/lane_env.hpp"
 #include "core/job/derivative_job.hpp"
 
-/// Which environments of J and M lanes pull back, whole or part by part (jacobian_vjp_pack.hpp).
+/// Which environments of J and M lanes differentiate, whole or part by part (jacobian_pack.hpp).
 namespace stiction::inline STICTION_ISA {
 
 /// Returns true if an environment may be taken, as far as sizes and numbers do not decide. Its rows, J and M are known
 /// to be sound.
-template <class Real>
-STICTION_HD bool takes_vjp(const JacobianVjpJob<Real>& job, Offset env) {
+template <class Job>
+STICTION_HD bool takes_derivative(const Job& job, Offset env) {
   if ((job.assembly.to.flags[env] & kNotAssembled) != 0) return false;
   const bool is_solved = job.contact.at.status == nullptr || job.contact.at.status[env].code == EnvCode::solved;
   return job.contact.law == Law::convex && is_solved && takes_form(job.assembly.batch, env);
 }
+/// True if environments that are too large for a lane are taken part by part. A change of J or M may couple parts.
+template <class Job, class Real>
+inline constexpr bool kTakesParts = std::is_same_v<Job, JacobianVjpJob<Real>>;
+
 /// True if an environment, or a part of one, of that size is taken. One of more than kMostVelocityDofs is a lane alone.
 template <class Real>
-STICTION_HD bool takes_vjp_size(const LaneEnv<Real>& env) {
+STICTION_HD bool takes_derivative_size(const LaneEnv<Real>& env) {
   return env.dofs > 0 && env.dofs <= kMostLargeDofs && env.rows <= kMostVelocityRows;
 }
 
@@ -48,10 +54,10 @@ STICTION_HD void join(JacobianVjpResult& whole, const JacobianVjpResult& part) {
 }
 
 /// Writes down whether an environment is answered, and its record if it is.
-template <class Real>
-STICTION_HD void finish(const JacobianVjpJob<Real>& job, Offset env, const JacobianVjpResult& found) {
+template <class Job>
+STICTION_HD void finish(const Job& job, std::uint8_t* answered, Offset env, const JacobianVjpResult& found) {
   const bool is_answered = found.is_answered && found.unknowns <= job.contact.max_unknowns;
-  job.lanes.answered[env] = is_answered ? 1 : 0;
+  answered[env] = is_answered ? 1 : 0;
   if (!is_answered) return;
   job.contact.status[env] = {sqrt_(found.square),
                              found.forward_residual,
