@@ -3,12 +3,14 @@
 
 Header, enumerator and line of CMake are those that the page shows, so that the page is tested. Three new files and two new
 lines must be all. Only the test's needs are built, for any x86-64 and not optimised; unchanged files of an earlier run
-are kept. Exit status 1 on a finding.
+are kept. Objects that a further solver leaves as they are come from the tests' build (tested_objects.py). Exit status 1
+on a finding.
 
-    add_solver.py --source DIR --work DIR --cxx COMPILER [--launcher ccache] [--generator Ninja] [--jobs N]
+    add_solver.py --source DIR --work DIR --cxx COMPILER [--tested DIR] [--launcher ccache] [--jobs N]
 """
 
 import argparse
+import json
 import os
 import pathlib
 import re
@@ -16,6 +18,8 @@ import shutil
 import subprocess
 import sys
 import time
+
+import tested_objects
 
 LEFT_OUT = re.compile(r"(build|out|\.)[^/]*/|bench/results/|.*/__pycache__/|.*\.pyc$|\.[^/]*$")
 PAGE = "docs/tutorials/writing_a_solver.md"
@@ -25,7 +29,7 @@ NEW_PAGE = """# Half steps
 
 [`half.hpp`](../../core/algorithm/solver/half.hpp): x_c ← P( x_c − (1/2) (1/D_c) (y_c + s_c) ) for all cones at once, then y = A x + b.
 """
-OPTIONS = ["-DCMAKE_BUILD_TYPE=Debug", "-DCMAKE_CXX_FLAGS_DEBUG=-O0", "-DSTICTION_ENABLE_CUDA=OFF", "-DSTICTION_ENABLE_AVX2=OFF",
+OPTIONS = ["-DCMAKE_BUILD_TYPE=Debug", "-DCMAKE_CXX_FLAGS_DEBUG=-O0 -DNDEBUG", "-DSTICTION_ENABLE_CUDA=OFF", "-DSTICTION_ENABLE_AVX2=OFF",
            "-DSTICTION_ENABLE_TBB=OFF", "-DSTICTION_BUILD_TESTS=ON", "-DSTICTION_BUILD_TOOLS=OFF", "-DSTICTION_BUILD_BENCH=OFF",
            "-DSTICTION_BUILD_EXAMPLES=OFF", "-DSTICTION_BUILD_PYTHON=OFF", "-DSTICTION_WARNINGS_AS_ERRORS=ON",
            *(f"-DCMAKE_DISABLE_FIND_PACKAGE_{name}=ON" for name in ("HDF5", "Eigen3", "rapidcheck", "TBB"))]
@@ -105,17 +109,27 @@ def main():
     parser.add_argument("--source", type=pathlib.Path, required=True)
     parser.add_argument("--work", type=pathlib.Path, required=True, help="folder for the copy and its build")
     parser.add_argument("--cxx", required=True)
+    parser.add_argument("--tested", type=pathlib.Path, help="build folder of the tests")
     parser.add_argument("--launcher", default=shutil.which("ccache") or "")
-    parser.add_argument("--generator", default="Ninja")
     parser.add_argument("--jobs", type=int, default=os.cpu_count())
     arguments = parser.parse_args()
-    tree, build = (arguments.work.resolve() / name for name in ("tree", "build"))
-    write_tree(changed_tree(arguments.source.resolve()), tree)
+    source, work = arguments.source.resolve(), arguments.work.resolve()
+    tree, build, taken = (work / name for name in ("tree", "build", "taken.json"))
+    write_tree(changed_tree(source), tree)
     # The rules of includes bind the new solver, too.
     run("lint", [sys.executable, tree / "tools/lint_includes.py"])
-    run("configure", ["cmake", "-S", tree, "-B", build, "-G", arguments.generator, f"-DCMAKE_CXX_COMPILER={arguments.cxx}",
-                      f"-DCMAKE_CXX_COMPILER_LAUNCHER={arguments.launcher}", *OPTIONS])
-    environment = {"CCACHE_BASEDIR": str(arguments.work.resolve()), "CCACHE_SLOPPINESS": "pch_defines,time_macros", **os.environ}
+    launcher = ";".join(filter(None, (sys.executable, tested_objects.__file__, str(taken), arguments.launcher)))
+    run("configure", ["cmake", "-S", tree, "-B", build, "-G", "Ninja", f"-DCMAKE_CXX_COMPILER={arguments.cxx}",
+                      f"-DCMAKE_CXX_COMPILER_LAUNCHER={launcher}", *OPTIONS])
+    objects = {}
+    if arguments.tested:
+        objects = tested_objects.unchanged_objects(source, arguments.tested.resolve(), tree, build, TYPES)
+    earlier = json.loads(taken.read_text(encoding="utf-8")) if taken.is_file() else {}
+    for name in earlier.keys() - objects.keys():  # compiled from here on
+        (build / name).unlink(missing_ok=True)
+    taken.write_text(json.dumps(objects), encoding="utf-8")
+    print(f"objects that the tests' build has: {len(objects)}")
+    environment = {"CCACHE_BASEDIR": str(work), "CCACHE_SLOPPINESS": "pch_defines,time_macros", **os.environ}
     run("build", ["cmake", "--build", build, "--parallel", str(arguments.jobs), "--target", *TARGETS], env=environment)
     if not re.search(r"^  STICTION_SOLVER_HALF = \d+,", (build / "c_api/include/stiction_solver_kinds.h").read_text(), re.M):
         sys.exit("the C interface has no number for it")
