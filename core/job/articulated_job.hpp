@@ -66,6 +66,21 @@ struct ArticulatedGeomData {
   GeomKind kind;
   T size[3], position[3], axes[9];  ///< columns: the geom's axes in its body's
   Index field;                      ///< of a height field
+  Index hull_begin, hull_end;       ///< vertices of a mesh among those of all hulls
+};
+
+/// A vertex of a hull, in the geom's frame.
+template <class T>
+struct ArticulatedVertexData {
+  T place[3];
+  Index face_begin, face_end;  ///< its faces among those of all vertices
+};
+
+/// A face of a hull for one of its vertices: that and up to three others stand for the face.
+template <class T>
+struct ArticulatedFaceData {
+  T normal[3];  ///< outward, in the geom's frame
+  Index others, other[3];
 };
 
 /// Returns false for shapes that are round about their z axis, and for planes.
@@ -166,7 +181,8 @@ struct RowClass {
 template <class T>
 struct ArticulatedModelView {
   Index q_count, dof_count, actuator_count;
-  Index bodies, joints, geoms, fields, heights, pairs, points, equalities, limits, losses, groups, classes;
+  Index bodies, joints, geoms, fields, heights, vertices, faces, pairs, points, equalities, limits, losses, groups;
+  Index classes;
   Index most_rows;
   T step;
   T gravity[3];
@@ -184,6 +200,8 @@ struct ArticulatedModelView {
   const ArticulatedGeomData<T>* geom;
   const ArticulatedFieldData<T>* field;
   const T* height;  ///< of all fields, row by row
+  const ArticulatedVertexData<T>* vertex;
+  const ArticulatedFaceData<T>* face;
   const ArticulatedPairData<T>* pair;
   const ArticulatedEqualityData<T>* equality;
   const ArticulatedLimitData<T>* limit;
@@ -216,6 +234,8 @@ void for_each_model_array(const ArticulatedModelView<T>& model, F&& f, Views&...
   f(model.geoms, views.geom...);
   f(model.fields, views.field...);
   f(model.heights, views.height...);
+  f(model.vertices, views.vertex...);
+  f(model.faces, views.face...);
   f(model.pairs, views.pair...);
   f(model.equalities, views.equality...);
   f(model.limits, views.limit...);

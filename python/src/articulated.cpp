@@ -311,11 +311,17 @@ void bind_description(nb::module_& module) {
           nb::arg("solimp"))
       .def(
           "add_geom",
-          [](D& to, Index body, int kind, Three size, Three position, Four orientation, Index field) {
-            to.geoms.push_back({body, static_cast<GeomKind>(kind), size, position, orientation, field});
+          [](D& to, Index body, int kind, Three size, Three position, Four orientation, Index field, Index hull) {
+            to.geoms.push_back({body, static_cast<GeomKind>(kind), size, position, orientation, field, hull});
           },
           nb::kw_only(), nb::arg("body"), nb::arg("kind"), nb::arg("size"), nb::arg("position"), nb::arg("orientation"),
-          nb::arg("field"))
+          nb::arg("field"), nb::arg("hull"))
+      .def(
+          "add_hull",
+          [](D& to, std::vector<Three> vertices, std::vector<Index> face_begin, std::vector<Index> corners) {
+            to.hulls.push_back({std::move(vertices), std::move(face_begin), std::move(corners)});
+          },
+          nb::kw_only(), nb::arg("vertices"), nb::arg("face_begin"), nb::arg("corners"))
       .def(
           "add_field",
           [](D& to, Index rows, Index columns, Two half, double base, std::vector<double> heights) {

@@ -149,5 +149,5 @@ def test_a_cylinder_comes_to_rest_on_its_end_as_in_mujoco():
 
 def test_cylinders_touch_planes_alone():
     text = CYLINDER.format(margin=0, gap=0).replace("</worldbody>", '<geom size=".1" pos="1 0 0"/></worldbody>')
-    with pytest.raises(ValueError, match="a cylinder and something that is no plane"):
+    with pytest.raises(ValueError, match="a cylinder or mesh and something that is no plane"):
         lanes(mujoco.MjModel.from_xml_string(text), 1)

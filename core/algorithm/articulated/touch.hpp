@@ -2,6 +2,7 @@
 
 #include "core/algorithm/articulated/boxes/touch_lanes.hpp"
 #include "core/algorithm/articulated/fields/touch_field.hpp"
+#include "core/algorithm/articulated/touch_hull.hpp"
 #include "core/algorithm/articulated/workspace.hpp"
 #include "core/algorithm/collision/plane_contacts.hpp"
 #include "core/algorithm/collision/round_contacts.hpp"
@@ -85,6 +86,7 @@ STICTION_HD void touch_ground(const Robots<Real, kStride>& robots, const Articul
   if (!any(height < Real(pair.bound))) return;
   if (geom.kind == GeomKind::box) return touch_corners(robots, pair, geom.size, height, normal);
   if (geom.kind == GeomKind::cylinder) return touch_rim(robots, pair, geom.size, height, normal);
+  if (geom.kind == GeomKind::mesh) return touch_hull(robots, pair, height, normal);
   const Real radius(geom.size[0]);
   const auto add = [&](Index at, Real own_height, const Vector3<Real>& point) {
     put_point(robots, pair, at, Real(0) == Real(0), on_plane(normal, point, own_height, radius - own_height, at));

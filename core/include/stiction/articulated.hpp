@@ -30,6 +30,7 @@ enum class GeomKind : std::uint8_t {
   capsule = 3,       ///< size[0] radius, size[1] half length along its z axis
   cylinder = 5,      ///< the same; against planes alone
   box = 6,           ///< size: half extents
+  mesh = 7,          ///< a convex hull; against planes alone
 };
 
 /// How far a row gives: MuJoCo's solref and solimp (MuJoCo documentation, "Solver parameters"). The exponent in
@@ -105,6 +106,13 @@ struct ArticulatedHeightField {
   std::vector<double> heights;   ///< above its frame, beginning where x and y are least [m]   (rows, columns)
 };
 
+/// The convex hull of a mesh, the same in all environments. A face is a flat polygon.
+struct ArticulatedHull {
+  std::vector<std::array<double, 3>> vertices;  ///< in the geom's frame [m]
+  std::vector<Index> face_begin;                ///< first of each face's corners, then how many all have  (faces + 1)
+  std::vector<Index> corners;                   ///< vertices around each face
+};
+
 /// A shape in the frame of its body.
 struct ArticulatedGeom {
   Index body = 0;                                 ///< body
@@ -113,6 +121,7 @@ struct ArticulatedGeom {
   std::array<double, 3> position{};               ///< of its centre [m]
   std::array<double, 4> orientation{1, 0, 0, 0};  ///< unit quaternion (w, x, y, z)
   Index field = -1;                               ///< of a height field: its number
+  Index hull = -1;                                ///< of a mesh: its number
 };
 
 /// Two geoms that may touch, kinds in ascending order.
@@ -151,6 +160,7 @@ struct ArticulatedDescription {
   std::vector<ArticulatedActuator> actuators;       ///< in order of controls
   std::vector<ArticulatedEquality> equalities;      ///< that always hold
   std::vector<ArticulatedHeightField> fields;       ///< that geoms name
+  std::vector<ArticulatedHull> hulls;               ///< likewise
   std::vector<ArticulatedGeom> geoms;               ///< that pairs name
   std::vector<ArticulatedPair> pairs;               ///< that may touch
   Index tendons = 0;                                ///< how many there are

@@ -9,6 +9,7 @@
 #include "core/base/extents.hpp"
 #include "core/runtime/articulated/implicit_forces.hpp"
 #include "core/runtime/articulated/observed_arrays.hpp"
+#include "core/runtime/articulated/hull_faces.hpp"
 #include "core/runtime/articulated/pair_shapes.hpp"
 #include "core/runtime/articulated/row_give.hpp"
 #include "core/runtime/articulated/varied_arrays.hpp"
@@ -219,6 +220,7 @@ void ArticulatedModel<T>::add_pairs(const ArticulatedDescription& from) {
     put(to.position, one.position);
     put(to.axes, axes_from(one.orientation));
     to.field = one.field;
+    add_hull(from, one, to, vertices_, faces_);
     geoms_.push_back(to);
   }
   for (const ArticulatedHeightField& one : from.fields) {
@@ -261,7 +263,7 @@ void ArticulatedModel<T>::add_pairs(const ArticulatedDescription& from) {
     to.margin = static_cast<T>(one.margin);
     to.reach = static_cast<T>(one.reach);
     const double most = one.margin > one.reach ? one.margin : one.reach;
-    const double bound = height_of(from, a) + radius_of(b) + most;
+    const double bound = height_of(from, a) + radius_of(from, b) + most;
     to.bound = static_cast<T>(bound * (1 + 1e-6));
     put(to.friction, one.friction);
     const double slide = one.friction[0] * one.friction[0];
@@ -378,6 +380,8 @@ ArticulatedModelView<T> ArticulatedModel<T>::view() const {
   put_array(view.geoms, view.geom, geoms_);
   put_array(view.fields, view.field, fields_);
   put_array(view.heights, view.height, heights_);
+  put_array(view.vertices, view.vertex, vertices_);
+  put_array(view.faces, view.face, faces_);
   put_array(view.pairs, view.pair, pairs_);
   put_array(view.equalities, view.equality, equalities_);
   put_array(view.limits, view.limit, limits_);

@@ -41,6 +41,8 @@ class ArticulatedModel {
   std::vector<ArticulatedGeomData<T>> geoms_;
   std::vector<ArticulatedFieldData<T>> fields_;
   std::vector<T> heights_;  ///< of all fields
+  std::vector<ArticulatedVertexData<T>> vertices_;
+  std::vector<ArticulatedFaceData<T>> faces_;
   std::vector<ArticulatedPairData<T>> pairs_;
   std::vector<ArticulatedEqualityData<T>> equalities_;
   std::vector<ArticulatedLimitData<T>> limits_;

@@ -168,21 +168,40 @@ void check_fields(const ArticulatedDescription& model) {
   }
 }
 
+void check_hulls(const ArticulatedDescription& model) {
+  for (std::size_t i = 0; i < model.hulls.size(); ++i) {
+    const ArticulatedHull& hull = model.hulls[i];
+    require(!hull.vertices.empty(), place_of("hulls", i, "vertices.size()"), 0, "at least 1");
+    for (const auto& vertex : hull.vertices) require_finite(place_of("hulls", i, "vertices"), vertex);
+    require(!hull.face_begin.empty() && hull.face_begin[0] == 0, place_of("hulls", i, "face_begin"),
+            hull.face_begin.empty() ? 0 : hull.face_begin[0], "0 at first");
+    for (std::size_t face = 0; face + 1 < hull.face_begin.size(); ++face)
+      require(hull.face_begin[face + 1] >= hull.face_begin[face] + 3, place_of("hulls", i, "face_begin"),
+              hull.face_begin[face + 1], "three or more corners after the last");
+    expect_length(place_of("hulls", i, "corners").c_str(), hull.corners.size(), at(hull.face_begin.back()),
+                  "face_begin's last");
+    for (const Index corner : hull.corners)
+      require_place(place_of("hulls", i, "corners"), corner, hull.vertices.size());
+  }
+}
+
 void check_geoms(const ArticulatedDescription& model) {
   for (std::size_t i = 0; i < model.geoms.size(); ++i) {
     const ArticulatedGeom& geom = model.geoms[i];
     require_place(place_of("geoms", i, "body"), geom.body, model.bodies.size());
     const bool is_known = geom.kind == GeomKind::plane || geom.kind == GeomKind::height_field ||
                           geom.kind == GeomKind::sphere || geom.kind == GeomKind::capsule ||
-                          geom.kind == GeomKind::cylinder || geom.kind == GeomKind::box;
+                          geom.kind == GeomKind::cylinder || geom.kind == GeomKind::box ||
+                          geom.kind == GeomKind::mesh;
     if (!is_known)
       refuse(place_of("geoms", i, "kind") + " = " + std::to_string(static_cast<int>(geom.kind)) +
-             ": must be that of a plane, height field, sphere, capsule, cylinder or box");
+             ": must be that of a plane, height field, sphere, capsule, cylinder, box or mesh");
     require_finite(place_of("geoms", i, "position"), geom.position);
     require_finite(place_of("geoms", i, "size"), geom.size);
     require_unit(place_of("geoms", i, "orientation"), geom.orientation);
     if (geom.kind == GeomKind::height_field)
       require_place(place_of("geoms", i, "field"), geom.field, model.fields.size());
+    if (geom.kind == GeomKind::mesh) require_place(place_of("geoms", i, "hull"), geom.hull, model.hulls.size());
   }
 }
 
@@ -202,8 +221,9 @@ void check_pairs(const ArticulatedDescription& model) {
     if (!is_ground && (a.kind == GeomKind::plane || b.kind == GeomKind::plane))
       refuse_model("pairs[" + std::to_string(i) +
                    "]: planes touch everything but planes in lanes, and stand still: give the plane first");
-    if (!is_ground && (a.kind == GeomKind::cylinder || b.kind == GeomKind::cylinder))
-      refuse_model("pairs[" + std::to_string(i) + "]: cylinders touch planes alone in lanes");
+    for (const GeomKind kind : {a.kind, b.kind})
+      if (!is_ground && (kind == GeomKind::cylinder || kind == GeomKind::mesh))
+        refuse_model("pairs[" + std::to_string(i) + "]: cylinders and meshes touch planes alone in lanes");
     if (a.kind > b.kind) refuse("pairs[" + std::to_string(i) + "]: kinds of geoms must ascend: swap geom_a and geom_b");
     if (pair.dim != 1 && pair.dim != 3 && pair.dim != 4 && pair.dim != 6)
       refuse(place_of("pairs", i, "dim") + " = " + std::to_string(pair.dim) + ": must be 1, 3, 4 or 6");
@@ -226,6 +246,7 @@ void check_articulated(const ArticulatedDescription& description) {
   check_equalities(description);
   check_tendons(description);
   check_fields(description);
+  check_hulls(description);
   check_geoms(description);
   check_pairs(description);
 }

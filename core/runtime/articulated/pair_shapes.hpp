@@ -10,8 +10,14 @@
 namespace stiction {
 
 /// Farthest that a geom reaches from its centre.
-inline double radius_of(const ArticulatedGeom& geom) {
+inline double radius_of(const ArticulatedDescription& model, const ArticulatedGeom& geom) {
   const auto& s = geom.size;
+  if (geom.kind == GeomKind::mesh) {
+    double most = 0;
+    for (const auto& v : model.hulls[at(geom.hull)].vertices)
+      most = std::max(most, std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]));
+    return most;
+  }
   if (geom.kind == GeomKind::capsule) return s[0] + s[1];
   if (geom.kind == GeomKind::cylinder) return std::sqrt(s[0] * s[0] + s[1] * s[1]);
   if (geom.kind == GeomKind::box) return std::sqrt(s[0] * s[0] + s[1] * s[1] + s[2] * s[2]);
@@ -21,7 +27,7 @@ inline double radius_of(const ArticulatedGeom& geom) {
 /// Farthest that it reaches up from its frame, on which other geoms stand, or from its centre.
 inline double height_of(const ArticulatedDescription& model, const ArticulatedGeom& geom) {
   if (geom.kind == GeomKind::plane) return 0;
-  if (geom.kind != GeomKind::height_field) return radius_of(geom);
+  if (geom.kind != GeomKind::height_field) return radius_of(model, geom);
   const auto& heights = model.fields[at(geom.field)].heights;
   return *std::max_element(heights.begin(), heights.end());
 }
@@ -31,7 +37,7 @@ inline double height_of(const ArticulatedDescription& model, const ArticulatedGe
 inline Index points_of(const ArticulatedGeom& a, const ArticulatedGeom& b) {
   if (a.kind == GeomKind::height_field) return b.kind == GeomKind::sphere ? kMostFieldPoints / 2 : kMostFieldPoints;
   if (a.kind == GeomKind::sphere || b.kind == GeomKind::sphere) return 1;
-  if (b.kind == GeomKind::cylinder) return 4;
+  if (b.kind == GeomKind::cylinder || b.kind == GeomKind::mesh) return 4;
   return a.kind == GeomKind::capsule || b.kind == GeomKind::capsule ? 2 : 8;
 }
 

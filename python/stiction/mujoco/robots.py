@@ -9,7 +9,8 @@ from .. import _core
 
 _DISABLE, _ENABLE, _GEOM = mujoco.mjtDisableBit, mujoco.mjtEnableBit, mujoco.mjtGeom
 _PLANE, _FIELD, _CYLINDER = int(_GEOM.mjGEOM_PLANE), int(_GEOM.mjGEOM_HFIELD), int(_GEOM.mjGEOM_CYLINDER)
-_SHAPES = (_PLANE, _FIELD, int(_GEOM.mjGEOM_SPHERE), int(_GEOM.mjGEOM_CAPSULE), _CYLINDER, int(_GEOM.mjGEOM_BOX))
+_MESH = int(_GEOM.mjGEOM_MESH)
+_SHAPES = (_PLANE, _FIELD, int(_GEOM.mjGEOM_SPHERE), int(_GEOM.mjGEOM_CAPSULE), _CYLINDER, int(_GEOM.mjGEOM_BOX), _MESH)
 _RK4, _IMPLICITFAST = int(mujoco.mjtIntegrator.mjINT_RK4), int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
 _SPINS = (int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL))
 _AFFINE_GAIN, _AFFINE_BIAS = int(mujoco.mjtGain.mjGAIN_AFFINE), int(mujoco.mjtBias.mjBIAS_AFFINE)
@@ -230,14 +231,26 @@ def _add_field(to, model, i):
     to.add_field(rows=rows, columns=columns, half=[x, y], base=base, heights=(shares.astype(float) * height).tolist())
 
 
+def _add_hull(to, model, i):
+    """The convex hull of mesh i: its vertices, and MuJoCo's flat polygons of them."""
+    first, polygons = int(model.mesh_polyadr[i]), int(model.mesh_polynum[i])
+    begins, counts = (values[first:first + polygons] for values in (model.mesh_polyvertadr, model.mesh_polyvertnum))
+    if not polygons:
+        _refuse(f"contacts of mesh {i}, which has no hull")
+    corners = np.concatenate([model.mesh_polyvert[b:b + n] for b, n in zip(begins, counts)])
+    used, places = np.unique(corners, return_inverse=True)
+    vertices = model.mesh_vert[int(model.mesh_vertadr[i]):][used]
+    to.add_hull(vertices=vertices.astype(float).tolist(), face_begin=[0, *np.cumsum(counts).tolist()], corners=places.tolist())
+
+
 def _add_contacts(to, model):
     pairs = _pairs_of(model)
     for a, b, _ in pairs:
         kinds = sorted((int(model.geom_type[a]), int(model.geom_type[b])))
         if any(kind not in _SHAPES for kind in kinds):
-            _refuse(f"contacts of geoms {a} and {b}, which are not both planes, height fields, spheres, capsules, cylinders or boxes")
-        if _CYLINDER in kinds and kinds[0] != _PLANE:
-            _refuse(f"contacts of geoms {a} and {b}, a cylinder and something that is no plane")
+            _refuse(f"contacts of geoms {a} and {b}, which are not both planes, height fields, spheres, capsules, cylinders, boxes or meshes")
+        if (_CYLINDER in kinds or _MESH in kinds) and kinds[0] != _PLANE:
+            _refuse(f"contacts of geoms {a} and {b}, a cylinder or mesh and something that is no plane")
         if _FIELD in kinds and model.body_weldid[model.geom_bodyid[a if model.geom_type[a] == _FIELD else b]]:
             _refuse(f"contacts of geoms {a} and {b}, a height field on a body that moves")
     used = sorted({g for a, b, _ in pairs for g in (a, b)})
@@ -245,10 +258,14 @@ def _add_contacts(to, model):
     fields = sorted({int(model.geom_dataid[g]) for g in used if model.geom_type[g] == _FIELD})
     for i in fields:
         _add_field(to, model, i)
+    meshes = sorted({int(model.geom_dataid[g]) for g in used if model.geom_type[g] == _MESH})
+    for i in meshes:
+        _add_hull(to, model, i)
     for g in used:
         to.add_geom(body=int(model.geom_bodyid[g]), kind=int(model.geom_type[g]), size=model.geom_size[g].tolist(),
                     position=model.geom_pos[g].tolist(), orientation=model.geom_quat[g].tolist(),
-                    field=fields.index(model.geom_dataid[g]) if model.geom_type[g] == _FIELD else -1)
+                    field=fields.index(model.geom_dataid[g]) if model.geom_type[g] == _FIELD else -1,
+                    hull=meshes.index(model.geom_dataid[g]) if model.geom_type[g] == _MESH else -1)
     for a, b, explicit in pairs:
         given = _contact_of(model, a, b, explicit)
         if model.geom_type[a] > model.geom_type[b]:

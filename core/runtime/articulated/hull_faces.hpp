@@ -1,0 +1,90 @@
+#pragma once
+
+#include <array>
+#include <cmath>
+#include <vector>
+
+#include "core/base/extents.hpp"
+#include "core/job/articulated_job.hpp"
+
+/// Hulls of meshes as kernels read them. Choices that depend on the hull alone are made here.
+namespace stiction {
+
+using HullPoint = std::array<double, 3>;
+
+inline HullPoint between(const HullPoint& a, const HullPoint& b) {
+  return {b[0] - a[0], b[1] - a[1], b[2] - a[2]};
+}
+inline HullPoint across(const HullPoint& a, const HullPoint& b) {
+  return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
+}
+inline double length_of(const HullPoint& v) {
+  return std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
+}
+
+/// The corners of a face, in turn from one of its vertices on. Of more than four, four stand for it. They are those
+/// that MuJoCo 4.0 takes: each in turn goes on around the face while their area grows.
+inline std::vector<Index> standing_corners(const ArticulatedHull& hull, std::size_t face, std::size_t from) {
+  const auto begin = at(hull.face_begin[face]), count = at(hull.face_begin[face + 1]) - begin;
+  const auto corner = [&](std::size_t k) { return hull.corners[begin + (from + k) % count]; };
+  const auto place = [&](std::size_t k) { return hull.vertices[at(corner(k))]; };
+  std::size_t b = 1, c = 2, d = 3;
+  if (count > 4) {
+    const auto area = [&](std::size_t two, std::size_t three, std::size_t four) {
+      return length_of(across(between(place(0), place(three)), between(place(two), place(four))));
+    };
+    while (d + 1 < count && area(b, c, d + 1) > area(b, c, d)) {
+      ++d;
+      while (c + 1 < d && area(b, c + 1, d) > area(b, c, d)) ++c;
+      while (b + 1 < c && area(b + 1, c, d) > area(b, c, d)) ++b;
+    }
+  }
+  std::vector<Index> found{corner(0), corner(b), corner(c)};
+  if (count > 3) found.push_back(corner(d));
+  return found;
+}
+
+/// The unit normal of a face, away from the middle of its hull.
+inline HullPoint outward_normal(const ArticulatedHull& hull, std::size_t face) {
+  const auto corner = [&](std::size_t k) { return hull.vertices[at(hull.corners[at(hull.face_begin[face]) + k])]; };
+  HullPoint middle{}, normal = across(between(corner(0), corner(1)), between(corner(0), corner(2)));
+  for (const HullPoint& v : hull.vertices)
+    for (std::size_t k = 0; k < 3; ++k) middle[k] += v[k] / static_cast<double>(hull.vertices.size());
+  const HullPoint out = between(middle, corner(0));
+  const double side = out[0] * normal[0] + out[1] * normal[1] + out[2] * normal[2];
+  const double length = length_of(normal) * (side < 0 ? -1 : 1);
+  for (double& x : normal) x /= length;
+  return normal;
+}
+
+/// Adds the hull of a geom that is a mesh to those of all geoms.
+template <class T>
+void add_hull(const ArticulatedDescription& from, const ArticulatedGeom& geom, ArticulatedGeomData<T>& to,
+              std::vector<ArticulatedVertexData<T>>& vertices, std::vector<ArticulatedFaceData<T>>& faces) {
+  to.hull_begin = to.hull_end = static_cast<Index>(vertices.size());
+  if (geom.kind != GeomKind::mesh) return;
+  const ArticulatedHull& hull = from.hulls[at(geom.hull)];
+  std::vector<std::vector<ArticulatedFaceData<T>>> of_vertex(hull.vertices.size());
+  for (std::size_t face = 0; face + 1 < hull.face_begin.size(); ++face) {
+    const HullPoint normal = outward_normal(hull, face);
+    const auto count = at(hull.face_begin[face + 1] - hull.face_begin[face]);
+    for (std::size_t k = 0; k < count; ++k) {
+      const std::vector<Index> corners = standing_corners(hull, face, k);
+      ArticulatedFaceData<T> own{};
+      for (std::size_t i = 0; i < 3; ++i) own.normal[i] = static_cast<T>(normal[i]);
+      for (std::size_t i = 1; i < corners.size(); ++i) own.other[own.others++] = to.hull_begin + corners[i];
+      of_vertex[at(corners[0])].push_back(own);
+    }
+  }
+  for (std::size_t v = 0; v < hull.vertices.size(); ++v) {
+    ArticulatedVertexData<T> own{};
+    for (std::size_t i = 0; i < 3; ++i) own.place[i] = static_cast<T>(hull.vertices[v][i]);
+    own.face_begin = static_cast<Index>(faces.size());
+    faces.insert(faces.end(), of_vertex[v].begin(), of_vertex[v].end());
+    own.face_end = static_cast<Index>(faces.size());
+    vertices.push_back(own);
+  }
+  to.hull_end = static_cast<Index>(vertices.size());
+}
+
+}  // namespace stiction
