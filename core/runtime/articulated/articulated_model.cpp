@@ -7,9 +7,9 @@
 #include <utility>
 
 #include "core/base/extents.hpp"
+#include "core/runtime/articulated/hull_faces.hpp"
 #include "core/runtime/articulated/implicit_forces.hpp"
 #include "core/runtime/articulated/observed_arrays.hpp"
-#include "core/runtime/articulated/hull_faces.hpp"
 #include "core/runtime/articulated/pair_shapes.hpp"
 #include "core/runtime/articulated/row_give.hpp"
 #include "core/runtime/articulated/varied_arrays.hpp"

@@ -191,8 +191,7 @@ void check_geoms(const ArticulatedDescription& model) {
     require_place(place_of("geoms", i, "body"), geom.body, model.bodies.size());
     const bool is_known = geom.kind == GeomKind::plane || geom.kind == GeomKind::height_field ||
                           geom.kind == GeomKind::sphere || geom.kind == GeomKind::capsule ||
-                          geom.kind == GeomKind::cylinder || geom.kind == GeomKind::box ||
-                          geom.kind == GeomKind::mesh;
+                          geom.kind == GeomKind::cylinder || geom.kind == GeomKind::box || geom.kind == GeomKind::mesh;
     if (!is_known)
       refuse(place_of("geoms", i, "kind") + " = " + std::to_string(static_cast<int>(geom.kind)) +
              ": must be that of a plane, height field, sphere, capsule, cylinder, box or mesh");

@@ -4,7 +4,7 @@
 #include <string>
 
 #include "tests/support/golden/case.hpp"
-#include "tests/support/systems/rough_ground.hpp"
+#include "tests/support/systems/hulls.hpp"
 
 /// Golden rows of robots in lanes: "robots/walker/INTEGRATOR CONES/PRECISION", of states, records and observed arrays.
 namespace stiction::test {
@@ -15,6 +15,13 @@ inline ArticulatedDescription walker_and_crate(bool is_elliptic) {
   add_free_body(model, GeomKind::box, {.2, .1, .15}, {1, 0, 0.3});
   model.pairs.back().margin = model.pairs.back().reach = 0;
   model.is_implicit_fast = true;
+  return model;
+}
+
+/// A walker beside a prism that falls by itself.
+inline ArticulatedDescription walker_and_prism(bool is_elliptic) {
+  ArticulatedDescription model = walker(is_elliptic);
+  add_free_prism(model, {1, 0, .25});
   return model;
 }
 
@@ -48,6 +55,7 @@ inline void add_robot_goldens(GoldenCases& cases) {
     add("implicitfast", walker_and_crate(is_elliptic), false);
     add("varied", walker(is_elliptic), true);
     add("height field", rough_walk(is_elliptic), false);
+    add("hull", walker_and_prism(is_elliptic), false);
   }
 }
 
