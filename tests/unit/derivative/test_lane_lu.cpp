@@ -5,7 +5,7 @@
 #include <limits>
 #include <vector>
 
-#include "core/algorithm/derivative/vjp_slots.hpp"
+#include "core/algorithm/derivative/mode_slots.hpp"
 #include "core/algorithm/linear/dense/dense_lu.hpp"
 #include "core/algorithm/linear/dense/lane_lu.hpp"
 #include "tests/support/systems/derivative_cases.hpp"
@@ -71,12 +71,12 @@ TEST(LaneLu, HasTheBitsOfOneByOne) {
   }
 }
 
-TEST(VjpSlots, HaveEveryOrderInThem) {
+TEST(ModeSlots, HaveEveryOrderInThem) {
   scenes::Rng rng(3);
   constexpr Index kMostRows = 60;
   Index taken = 0;
   for (int round = 0; round < 200; ++round) {
-    VjpSlots slots;
+    ModeSlots slots;
     std::vector<std::vector<Index>> members;
     for (int member = 0; member < 8; ++member) {
       std::vector<Index> sizes(static_cast<std::size_t>(rng.below(12)));
