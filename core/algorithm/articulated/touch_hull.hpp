@@ -3,8 +3,8 @@
 #include "core/algorithm/articulated/touch_by_lane.hpp"
 #include "core/algorithm/collision/plane_contacts.hpp"
 
-/// Points of a mesh on a plane, by its convex hull. They are MuJoCo 4.0's: the lowest vertex, and others of that of its
-/// faces that looks down the most.
+/// Points of a mesh on a plane, by its convex hull. They are MuJoCo 4.0's: the lowest vertex, and others below the
+/// centre of that of its faces that looks down the most.
 namespace stiction::inline STICTION_ISA {
 
 /// Points of one lane.
@@ -40,11 +40,11 @@ struct HullOnPlane {
     for (Index k = 0; k < face.others; ++k) add(found, face.other[k]);
     return found;
   }
-  /// Adds a vertex within reach.
+  /// Adds a vertex below the centre and within reach.
   STICTION_HD void add(HullPoints<T>& found, Index v) const {
     const Vector3<T> place = in_lanes<T>(model.vertex[v].place);
-    const T distance = height - dot(down, place);
-    if (!(distance <= pair.reach)) return;
+    const T below = dot(down, place), distance = height - below;
+    if (!(distance <= pair.reach) || below < T(0)) return;
     const Vector3<T> point = added(centre, along(axes, place));
     found.at[found.count] = on_plane(in_lanes<T>(pair.normal), point, distance, -distance, found.count);
     ++found.count;

@@ -22,8 +22,8 @@ inline double length_of(const HullPoint& v) {
   return std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
 }
 
-/// The corners of a face, in turn from one of its vertices on. Of more than four, four stand for it. They are those
-/// that MuJoCo 4.0 takes: each in turn goes on around the face while their area grows.
+/// The corners of a face, in turn from one of its vertices on. Four stand for a face of more. They are those that
+/// MuJoCo 4.0 takes: each in turn goes on around the face while their area grows.
 inline std::vector<Index> standing_corners(const ArticulatedHull& hull, std::size_t face, std::size_t from) {
   const auto begin = at(hull.face_begin[face]), count = at(hull.face_begin[face + 1]) - begin;
   const auto corner = [&](std::size_t k) { return hull.corners[begin + (from + k) % count]; };

@@ -14,8 +14,10 @@ inline double radius_of(const ArticulatedDescription& model, const ArticulatedGe
   const auto& s = geom.size;
   if (geom.kind == GeomKind::mesh) {
     double most = 0;
-    for (const auto& v : model.hulls[at(geom.hull)].vertices)
-      most = std::max(most, std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]));
+    for (const auto& v : model.hulls[at(geom.hull)].vertices) {
+      const double length = std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
+      if (length > most) most = length;
+    }
     return most;
   }
   if (geom.kind == GeomKind::capsule) return s[0] + s[1];
