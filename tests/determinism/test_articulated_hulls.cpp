@@ -17,15 +17,9 @@ namespace {
 using namespace stiction;
 using namespace stiction::test;
 
-ArticulatedDescription walker_with_prism() {
-  ArticulatedDescription model = walker(true);
-  add_free_prism(model, {1, 0, .25});
-  return model;
-}
-
 TEST(ArticulatedHulls, InstructionSetsAndThreadsChangeNoBit) {
   expect_same_on_all_kernels([](auto real, int threads) {
-    ArticulatedBatch<decltype(real)> robots(walker_with_prism(), kEnvs, {1e-5, 100, threads});
+    ArticulatedBatch<decltype(real)> robots(walker_and_prism(true), kEnvs, {1e-5, 100, threads});
     put_states(robots, all_envs());
     robots.step(60);
     return robots.hash();
@@ -33,8 +27,8 @@ TEST(ArticulatedHulls, InstructionSetsAndThreadsChangeNoBit) {
 }
 
 TEST(ArticulatedHulls, ARobotHasTheBitsOfOneThatIsAlone) {
-  ArticulatedBatch<double> robots(walker_with_prism(), 9, {1e-5, 100, 1}),
-      alone(walker_with_prism(), 1, {1e-5, 100, 1});
+  ArticulatedBatch<double> robots(walker_and_prism(true), 9, {1e-5, 100, 1}),
+      alone(walker_and_prism(true), 1, {1e-5, 100, 1});
   put_states(robots, {0, 1, 2, 3, 4, 5, 6, 7, 8});
   put_states(alone, {5});
   robots.step(120);
@@ -84,7 +78,7 @@ TEST(ArticulatedHulls, OnlyWhatIsWithinReachTouches) {
 
 TEST(ArticulatedHulls, MistakesAreNamed) {
   const auto says = [](const char* text, const auto& change) {
-    ArticulatedDescription model = walker_with_prism();
+    ArticulatedDescription model = walker_and_prism(true);
     change(model);
     const std::string found = error_message([&] { ArticulatedBatch<double>(model, 1); });
     EXPECT_NE(found.find(text), std::string::npos) << found;

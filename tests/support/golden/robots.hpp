@@ -18,13 +18,6 @@ inline ArticulatedDescription walker_and_crate(bool is_elliptic) {
   return model;
 }
 
-/// A walker beside a prism that falls by itself.
-inline ArticulatedDescription walker_and_prism(bool is_elliptic) {
-  ArticulatedDescription model = walker(is_elliptic);
-  add_free_prism(model, {1, 0, .25});
-  return model;
-}
-
 template <class Real>
 std::uint64_t robots_digest(const ArticulatedDescription& model, bool varies, Device device) {
   ArticulatedOptions options{1e-5, 100, 2, varies, {}};

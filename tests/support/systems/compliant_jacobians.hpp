@@ -1,5 +1,7 @@
 #pragma once
 
+#include <gtest/gtest.h>
+
 #include <algorithm>
 #include <cmath>
 #include <vector>
@@ -90,6 +92,16 @@ inline std::vector<double> full_mass_of(const JacobianEnvironment<double>& env, 
     for (std::size_t j = 0; j < dofs; ++j)
       for (std::size_t k = 0; k < dofs; ++k) M[i * dofs + j] += env.M[i * dofs + k] * env.M[j * dofs + k];
   return M;
+}
+
+/// Compares records of lanes with those of the contact batch that is assembled.
+inline void expect_records_near(const std::vector<GradientStatus>& own, const std::vector<GradientStatus>& expected) {
+  for (std::size_t e = 0; e < own.size(); ++e) {
+    EXPECT_EQ(own[e].flags, expected[e].flags) << e;
+    EXPECT_EQ(own[e].unknowns, expected[e].unknowns) << e;
+    EXPECT_NEAR(own[e].forward_residual, expected[e].forward_residual, 1e-14) << e;
+    EXPECT_LT(own[e].residual, 1e-11) << e;
+  }
 }
 
 inline double largest(const std::vector<double>& numbers) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cmath>
 #include <span>
 #include <vector>
 
@@ -83,6 +84,13 @@ template <class Real>
 double dot(const std::vector<Real>& a, const std::vector<Real>& b) {
   double sum = 0.0;
   for (std::size_t i = 0; i < a.size(); ++i) sum += static_cast<double>(a[i]) * static_cast<double>(b[i]);
+  return sum;
+}
+/// The sum of the sizes of a dot product's terms.
+template <class Real>
+double dot_of_sizes(const std::vector<Real>& a, const std::vector<Real>& b) {
+  double sum = 0.0;
+  for (std::size_t i = 0; i < a.size(); ++i) sum += std::abs(static_cast<double>(a[i]) * static_cast<double>(b[i]));
   return sum;
 }
 

@@ -28,4 +28,11 @@ inline void add_free_prism(ArticulatedDescription& model, std::array<double, 3> 
   model.hulls.push_back(prism());
 }
 
+/// A walker beside a prism that falls by itself.
+inline ArticulatedDescription walker_and_prism(bool is_elliptic) {
+  ArticulatedDescription model = walker(is_elliptic);
+  add_free_prism(model, {1, 0, .25});
+  return model;
+}
+
 }  // namespace stiction::test

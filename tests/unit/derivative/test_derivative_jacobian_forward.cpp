@@ -136,18 +136,12 @@ TEST(ForwardDerivativeOfJacobians, IsTheTransposeOfTheReverse) {
         const auto forward = jvp(view, lambda, along.tangents());
         const auto lambda_bar = random_numbers(lambda.size(), ++draw), w_bar = random_numbers(lambda.size(), ++draw),
                    v_bar = random_numbers(forward.velocity.size(), ++draw);
-        auto back = vjp(view, lambda, lambda_bar, w_bar, v_bar);
+        const auto back = vjp(view, lambda, lambda_bar, w_bar, v_bar);
         ASSERT_EQ(back.status[0].flags, forward.status[0].flags);
         if ((back.status[0].flags & kGradientRefused) != 0) continue;
         ++used;
-        double pulled = 0.0, size = 0.0;
-        const auto changes = along.parts(), gradients = back.parts();
-        for (std::size_t p = 0; p < changes.size(); ++p)
-          for (std::size_t i = 0; i < changes[p]->size(); ++i) {
-            const double term = (*changes[p])[i] * (*gradients[p])[i];
-            pulled += term;
-            size += std::abs(term);
-          }
+        const auto changes = along.all(), gradients = back.all();
+        const double pulled = dot(changes, gradients), size = dot_of_sizes(changes, gradients);
         const double pushed = dot(forward.lambda, lambda_bar) + dot(forward.w, w_bar) + dot(forward.velocity, v_bar);
         worst = std::max(worst, std::abs(pushed - pulled) / size);
       }

@@ -50,12 +50,7 @@ TEST(DerivativeInLanes, IsThatOfTheAssembledBatch) {
     EXPECT_GT(largest(own.mu), 0.01);
     EXPECT_GT(largest(own.lo), 0.01);
     EXPECT_GT(largest(own.hi), 0.01);
-    for (std::size_t e = 0; e < kEnvs; ++e) {
-      EXPECT_EQ(own.status[e].flags, expected.status[e].flags) << e;
-      EXPECT_EQ(own.status[e].unknowns, expected.status[e].unknowns) << e;
-      EXPECT_NEAR(own.status[e].forward_residual, expected.status[e].forward_residual, 1e-14) << e;
-      EXPECT_LT(own.status[e].residual, 1e-11) << e;
-    }
+    expect_records_near(own.status, expected.status);
   }
 }
 

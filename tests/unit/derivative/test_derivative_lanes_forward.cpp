@@ -78,12 +78,7 @@ TEST(ForwardDerivativeInLanes, IsThatOfTheAssembledBatch) {
     compare("lambda", own.lambda, expected.lambda);
     compare("w", own.w, expected.w);
     compare("velocity", own.velocity, velocity);
-    for (std::size_t e = 0; e < kEnvs; ++e) {
-      EXPECT_EQ(own.status[e].flags, expected.status[e].flags) << e;
-      EXPECT_EQ(own.status[e].unknowns, expected.status[e].unknowns) << e;
-      EXPECT_NEAR(own.status[e].forward_residual, expected.status[e].forward_residual, 1e-14) << e;
-      EXPECT_LT(own.status[e].residual, 1e-11) << e;
-    }
+    expect_records_near(own.status, expected.status);
   }
 }
 
@@ -97,15 +92,9 @@ TEST(ForwardDerivativeInLanes, IsTheTransposeOfReverse) {
     const auto own = jvp(view, lambda, along.tangents());
     const auto bar = random_numbers(lambda.size(), 21), w_bar = random_numbers(lambda.size(), 22),
                v_bar = random_numbers(own.velocity.size(), 23);
-    auto back = test::vjp(view, lambda, bar, w_bar, v_bar);
-    double pulled = 0.0, size = 0.0;
-    const auto changes = along.parts(), gradients = back.parts();
-    for (std::size_t p = 0; p < changes.size(); ++p)
-      for (std::size_t i = 0; i < changes[p]->size(); ++i) {
-        const double term = (*changes[p])[i] * (*gradients[p])[i];
-        pulled += term;
-        size += std::abs(term);
-      }
+    const auto back = test::vjp(view, lambda, bar, w_bar, v_bar);
+    const auto changes = along.all(), gradients = back.all();
+    const double pulled = dot(changes, gradients), size = dot_of_sizes(changes, gradients);
     const double pushed = dot(own.lambda, bar) + dot(own.w, w_bar) + dot(own.velocity, v_bar);
     EXPECT_NEAR(pushed, pulled, 1e-12 * size);
     EXPECT_GT(std::ranges::count(std::vector<double>(view.J, view.J + view.entry_count), 0.0), 100);
