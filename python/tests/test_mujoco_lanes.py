@@ -188,7 +188,7 @@ def test_what_is_not_stepped_is_refused_with_its_reason():
         "not Euler, RK4 or implicitfast": ('<option integrator="implicit"/>', dict(), ""),
         "without damping and armature": ('<option integrator="implicitfast"/>', dict(joint="free", more='damping="1"'), ""),
         "ball joints are not stepped": ("", dict(joint="ball", more='limited="true" range="0 60"'), ""),
-        "not both planes, height fields, spheres, capsules, cylinders or boxes": ("", dict(geom="ellipsoid"), ""),
+        "not both planes, height fields, spheres, capsules, cylinders, boxes or meshes": ("", dict(geom="ellipsoid"), ""),
         "equality 0, which is none of joints": ("", dict(more='name="j"'), '<equality><weld body1="b"/></equality>'),
         "activations": ("", dict(more='name="j"'), '<actuator><intvelocity joint="j" actrange="-1 1"/></actuator>'),
     }

@@ -283,7 +283,7 @@ def test_what_is_no_field_of_lanes_is_refused():
     moving = text.replace('<geom name="field"', '<freejoint/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/><geom name="field"')
     round_one = text.replace('type="sphere" size=".06"', 'type="ellipsoid" size=".06 .05 .04"')
     rod = text.replace('type="sphere" size=".06"', 'type="cylinder" size=".06 .05"')
-    for xml, reason in ((moving, "height field on a body that moves"), (round_one, "are not both planes"), (rod, "a cylinder and")):
+    for xml, reason in ((moving, "height field on a body that moves"), (round_one, "are not both planes"), (rod, "a cylinder or mesh and")):
         with pytest.raises(stiction.mujoco.UnsupportedModel, match=reason):
             lanes(mujoco.MjModel.from_xml_string(xml), 1)
     model = model_of("sphere")
