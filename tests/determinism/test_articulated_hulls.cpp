@@ -40,12 +40,13 @@ TEST(ArticulatedHulls, ARobotHasTheBitsOfOneThatIsAlone) {
 }
 
 /// A prism over a plane, nearly upright, without gravity.
-ArticulatedProbe points_of_prism(double height, double turn, double lean) {
+ArticulatedProbe points_of_prism(double height, double turn, double lean, const ArticulatedHull& hull = prism()) {
   ArticulatedDescription model;
   model.gravity = {0, 0, 0};
   model.bodies.push_back({});
   model.geoms.push_back({0, GeomKind::plane, {}, {}, {1, 0, 0, 0}});
   add_free_prism(model, {0, 0, height});
+  model.hulls[0] = hull;
   model.pairs[0].margin = model.pairs[0].reach = 0;
   ArticulatedBatch<double> batch(model, 1, {1e-8, 100, 1});
   const double length = std::sqrt(1 + turn * turn + lean * lean);
@@ -70,6 +71,18 @@ TEST(ArticulatedHulls, FourCornersStandForAnEnd) {
   }
 }
 
+// A face's first three corners may lie on a line: its normal is that of the whole.
+TEST(ArticulatedHulls, ACornerOnAnEdgeHidesNoFace) {
+  ArticulatedHull hull = prism();
+  hull.vertices[6] = {.125, -.15625, -.1};
+  hull.vertices[5] = {-.0625, -.171875, -.1};
+  hull.vertices.push_back({.03125, -.1640625, -.1});  // halfway without rounding
+  hull.corners.insert(hull.corners.begin() + 1, 14);  // of the lower end
+  for (std::size_t face = 1; face < hull.face_begin.size(); ++face) ++hull.face_begin[face];
+  for (const double turn : {0.0, 0.5, 1.0, 2.0, -1.5})
+    EXPECT_EQ(points_of_prism(.0999, turn, 1e-5, hull).contacts[0], 4) << turn;
+}
+
 // Corners above the plane are no points, though they stand for the face.
 TEST(ArticulatedHulls, OnlyWhatIsWithinReachTouches) {
   EXPECT_EQ(points_of_prism(.1001, 0, 0).contacts[0], 0);
@@ -89,6 +102,9 @@ TEST(ArticulatedHulls, MistakesAreNamed) {
   says("hulls[0].corners has 41 entries, expected 42", [](auto& m) { m.hulls[0].corners.pop_back(); });
   says("hulls[0].face_begin = 8", [](auto& m) { m.hulls[0].face_begin[2] = 8; });
   says("hulls[0].face_begin", [](auto& m) { m.hulls[0].face_begin.clear(); });
+  says("hulls[0].face_begin = 14: must be the first corner of a face with an area", [](auto& m) {
+    for (const std::size_t k : {15U, 16U, 17U}) m.hulls[0].corners[k] = m.hulls[0].corners[14];
+  });
   says("hull = 1", [](auto& m) { m.geoms.back().hull = 1; });
   says("cylinders and meshes touch planes alone", [](auto& m) { m.pairs.back().geom_a = 1; });
 }

@@ -4,6 +4,7 @@
 
 #include "core/base/extents.hpp"
 #include "core/runtime/articulated/articulated_model.hpp"
+#include "core/runtime/articulated/hull_faces.hpp"
 #include "core/runtime/check/defects.hpp"
 #include "core/runtime/check/expect.hpp"
 
@@ -182,6 +183,9 @@ void check_hulls(const ArticulatedDescription& model) {
                   "face_begin's last");
     for (const Index corner : hull.corners)
       require_place(place_of("hulls", i, "corners"), corner, hull.vertices.size());
+    for (std::size_t face = 0; face + 1 < hull.face_begin.size(); ++face)
+      require(length_of(area_of(hull, face)) > 0, place_of("hulls", i, "face_begin"), hull.face_begin[face],
+              "the first corner of a face with an area");
   }
 }
 

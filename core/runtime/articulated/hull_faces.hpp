@@ -44,13 +44,26 @@ inline std::vector<Index> standing_corners(const ArticulatedHull& hull, std::siz
   return found;
 }
 
+/// Twice the area of a face, along its normal. Any three corners may lie on a line.
+inline HullPoint area_of(const ArticulatedHull& hull, std::size_t face) {
+  const auto begin = at(hull.face_begin[face]), count = at(hull.face_begin[face + 1]) - begin;
+  const auto from_first = [&](std::size_t k) {
+    return between(hull.vertices[at(hull.corners[begin])], hull.vertices[at(hull.corners[begin + k])]);
+  };
+  HullPoint sum{};
+  for (std::size_t k = 1; k + 1 < count; ++k) {
+    const HullPoint part = across(from_first(k), from_first(k + 1));
+    for (std::size_t i = 0; i < 3; ++i) sum[i] += part[i];
+  }
+  return sum;
+}
+
 /// The unit normal of a face, away from the middle of its hull.
 inline HullPoint outward_normal(const ArticulatedHull& hull, std::size_t face) {
-  const auto corner = [&](std::size_t k) { return hull.vertices[at(hull.corners[at(hull.face_begin[face]) + k])]; };
-  HullPoint middle{}, normal = across(between(corner(0), corner(1)), between(corner(0), corner(2)));
+  HullPoint middle{}, normal = area_of(hull, face);
   for (const HullPoint& v : hull.vertices)
     for (std::size_t k = 0; k < 3; ++k) middle[k] += v[k] / static_cast<double>(hull.vertices.size());
-  const HullPoint out = between(middle, corner(0));
+  const HullPoint out = between(middle, hull.vertices[at(hull.corners[at(hull.face_begin[face])])]);
   const double side = out[0] * normal[0] + out[1] * normal[1] + out[2] * normal[2];
   const double length = length_of(normal) * (side < 0 ? -1 : 1);
   for (double& x : normal) x /= length;
