@@ -163,7 +163,7 @@ STICTION_HD_OUTLINE Real mean_diagonal(TeamT& team, const NewtonWorkspace& works
 }
 
 /// Takes A + R as a matrix of doubles, or its diagonal. The weight of the proximal term is negative until the first
-/// sweeps are done.
+/// sweeps are done. It is never zero, which marks the primal method, however small the diagonal.
 template <Team TeamT, class System>
 STICTION_HD_OUTLINE void start_proximal(TeamT& team, System& s) {
   using Real = typename System::Real;
@@ -179,7 +179,7 @@ STICTION_HD_OUTLINE void start_proximal(TeamT& team, System& s) {
   const Real mean = mean_diagonal<Real>(team, workspace);
   single(team, [&] {
     s.scalar[Npgs::kTheta] = Real(0);
-    s.scalar[kProximalWeight] = Real(0) - Real(kProximalStart) * mean;
+    s.scalar[kProximalWeight] = Real(0) - max_(Real(kProximalStart) * mean, Real(kProximalLeast));
   });
 }
 
