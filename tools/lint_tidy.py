@@ -31,7 +31,6 @@ FOLDERS = ("core", "c_api", "cpu_fallback", "cuda", "distributed", "python", "cl
 TAKES_A_WORD = ("-I", "-isystem", "-D", "-U", "-include", "-x")
 BUNDLE = 8  # sources that are read at once, at most
 DEFINED = re.compile(r"^(?!using |namespace |template |#|//)\w[^=({;\n]*?(?<![:\w])(\w+)(?:\(| =| ?\{)", re.MULTILINE)
-ALONE = "cpu_fallback/kernels"  # each instantiates headers that another must not see
 KEPT = (*TAKES_A_WORD, "-std=", "-m", "-pthread")
 
 
@@ -81,8 +80,6 @@ def bundles(commands, files):
         groups = alike.setdefault((file.parent, commands[file]["directory"], *commands[file]["arguments"][:-1]), [])
         names = names_of(file)
         group = next((one for one in groups if len(one[0]) < BUNDLE and not names & one[1]), None)
-        if file.parent == ROOT / ALONE:
-            group = None
         if group is None:
             groups.append(([file], names))
         else:

@@ -224,6 +224,15 @@ STICTION_HD bool any(PackMask<T, W> a) {
   return lane_bits(a) != 0;
 }
 
+/// Returns true if a mask is set in one lane.
+STICTION_HD bool is_set(bool mask, int) {
+  return mask;
+}
+template <class T, int W>
+STICTION_HD bool is_set(PackMask<T, W> mask, int lane) {
+  return (lane_bits(mask) >> lane & 1U) != 0;
+}
+
 template <class Real, int W>
   requires(RealTraits<Real>::kLanes == W)
 STICTION_HD Real narrowed(Pack<double, W> x) {

@@ -115,10 +115,4 @@ Pack<double, kWideLanes<Real, W>> widened(const Pack<Real, W>& lanes, int first)
   return values;
 }
 
-/// Returns true if a mask is set in one lane.
-template <class T, int W>
-bool is_set(PackMask<T, W> mask, int lane) {
-  return (lane_bits(mask) >> lane & 1U) != 0;
-}
-
 }  // namespace stiction::inline STICTION_ISA

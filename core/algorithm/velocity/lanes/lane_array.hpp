@@ -110,20 +110,13 @@ STICTION_HD Double doubles(const LaneArray<Wide, kStride>& numbers, Offset i, in
   return value;
 }
 
-/// One lane's number, or mask.
+/// One lane's number.
 STICTION_HD double lane_of(double value, int) {
   return value;
 }
 template <int W>
 STICTION_HD double lane_of(Pack<double, W> value, int lane) {
   return value.v[lane];
-}
-STICTION_HD bool is_set(bool mask, int) {
-  return mask;
-}
-template <class T, int W>
-STICTION_HD bool is_set(PackMask<T, W> mask, int lane) {
-  return (lane_bits(mask) >> lane & 1U) != 0;
 }
 
 }  // namespace stiction::inline STICTION_ISA
