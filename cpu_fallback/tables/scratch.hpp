@@ -9,6 +9,10 @@
 
 #include "stiction/types.hpp"
 
+#ifdef STICTION_UNDEFINED_SCRATCH
+#include <valgrind/memcheck.h>
+#endif
+
 namespace stiction::cpu {
 
 /// Memory that grows, aligned for the widest vectors. Its earlier contents are lost.
@@ -25,6 +29,9 @@ class GrowBuffer {
     }
 #ifdef STICTION_NOISY_SCRATCH
     make_noise(bytes);
+#endif
+#ifdef STICTION_UNDEFINED_SCRATCH
+    (void)VALGRIND_MAKE_MEM_UNDEFINED(memory_.get(), capacity_);  // reads of what a solve has not written are reported
 #endif
     return static_cast<T*>(memory_.get());
   }
