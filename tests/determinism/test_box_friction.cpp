@@ -5,7 +5,7 @@
 #include <initializer_list>
 #include <vector>
 
-#include "tests/support/machines/scoped_isa.hpp"
+#include "tests/support/machines/same_everywhere.hpp"
 #include "tests/support/systems/boxed.hpp"
 #include "tests/support/systems/random_systems.hpp"
 #include "tests/support/systems/scene_batches.hpp"
@@ -28,26 +28,11 @@ ContactBatch<double> boxed_scenes(Offset envs_each) {
 }
 
 template <class Real>
-void expect_equal_bits_everywhere(const ContactBatch<Real>& batch, std::initializer_list<SolverKind> solvers,
-                                  double tolerance, Index iterations) {
+void expect_equal_bits(const ContactBatch<Real>& batch, std::initializer_list<SolverKind> solvers, double tolerance,
+                       Index iterations) {
   for (const SolverKind solver : solvers) {
     SCOPED_TRACE(to_string(solver));
-    SolverOptions own = options(solver, tolerance, iterations);
-    const auto expected = solve_hashes(batch, own);
-    own.threads = 3;
-    EXPECT_EQ(solve_hashes(batch, own), expected) << "threads";
-    own.threads = 1;
-    for (const char* isa : usable_shipped_isas()) {
-      const ScopedIsa scope(isa);
-      EXPECT_EQ(solve_hashes(batch, own), expected) << isa;
-    }
-    for (Offset env = 0; env < batch.env_count(); ++env) {
-      const Offset only[] = {env};
-      EXPECT_EQ(solve_hashes(gather(batch, only), own).front(), expected[static_cast<std::size_t>(env)])
-          << "alone, " << env;
-    }
-    const auto emulated = env_hashes(batch, solve(batch, own, Device::emulated()));
-    EXPECT_EQ(emulated, expected) << "on the emulated device";
+    expect_equal_bits_everywhere(batch, options(solver, tolerance, iterations));
   }
 }
 
@@ -78,8 +63,8 @@ TEST(BoxFriction, BitsDependNeitherOnThreadsNorOnPacksNorOnTheMachine) {
   const std::initializer_list<SolverKind> sweeps = {SolverKind::pgs, SolverKind::npgs, SolverKind::jacobi,
                                                     SolverKind::nsgs};
   const ContactBatch<double> scenes = boxed_scenes(3);
-  expect_equal_bits_everywhere(convert<float>(scenes), sweeps, 1e-4, 40);
-  expect_equal_bits_everywhere(scenes, sweeps, 1e-4, 40);
+  expect_equal_bits(convert<float>(scenes), sweeps, 1e-4, 40);
+  expect_equal_bits(scenes, sweeps, 1e-4, 40);
 }
 
 TEST(BoxFriction, BitsOfPivotsDoNeither) {
@@ -90,8 +75,8 @@ TEST(BoxFriction, BitsOfPivotsDoNeither) {
                           [](const EnvStatus& status) { return status.solver == SolverKind::lemke; }),
             2);
   EXPECT_EQ(solve(scenes, options(SolverKind::lemke, 1e-10, 400)).status.back().code, EnvCode::solved) << "sparse";
-  expect_equal_bits_everywhere(convert<float>(scenes), pivots, 1e-5, 200);
-  expect_equal_bits_everywhere(scenes, pivots, 1e-10, 200);
+  expect_equal_bits(convert<float>(scenes), pivots, 1e-5, 200);
+  expect_equal_bits(scenes, pivots, 1e-10, 200);
 }
 
 TEST(BoxFriction, AFrictionConeBesideItHasTheBitsThatItHasWithoutIt) {

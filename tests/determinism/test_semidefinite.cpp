@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "tests/support/machines/scoped_isa.hpp"
+#include "tests/support/machines/same_everywhere.hpp"
 #include "tests/support/systems/scene_batches.hpp"
 #include "tests/support/systems/semidefinite_systems.hpp"
 #include "tests/support/systems/small_systems.hpp"
@@ -30,32 +30,17 @@ ContactBatch<double> with_matrices(Law law) {
 }
 
 template <class Real>
-void expect_equal_bits_everywhere() {
+void expect_equal_bits() {
   for (const SolverKind solver : {SolverKind::jacobi, SolverKind::apgd, SolverKind::admm, SolverKind::automatic}) {
     const Law law = solver == SolverKind::apgd ? Law::coulomb : Law::convex;
     SCOPED_TRACE(label(solver, law));
-    const ContactBatch<Real> batch = convert<Real>(with_matrices(law));
-    SolverOptions own = options(solver, 1e-4, 40);
-    const auto expected = solve_hashes(batch, own);
-    own.threads = 3;
-    EXPECT_EQ(solve_hashes(batch, own), expected) << "threads";
-    own.threads = 1;
-    for (const char* isa : usable_shipped_isas()) {
-      const ScopedIsa scope(isa);
-      EXPECT_EQ(solve_hashes(batch, own), expected) << isa;
-    }
-    for (Offset env = 0; env < batch.env_count(); ++env) {
-      const Offset only[] = {env};
-      EXPECT_EQ(solve_hashes(gather(batch, only), own).front(), expected[static_cast<std::size_t>(env)])
-          << "alone, " << env;
-    }
-    EXPECT_EQ(env_hashes(batch, solve(batch, own, Device::emulated())), expected) << "on the emulated device";
+    expect_equal_bits_everywhere(convert<Real>(with_matrices(law)), options(solver, 1e-4, 40));
   }
 }
 
 TEST(Semidefinite, BitsDependNeitherOnThreadsNorOnTheMachine) {
-  expect_equal_bits_everywhere<float>();
-  expect_equal_bits_everywhere<double>();
+  expect_equal_bits<float>();
+  expect_equal_bits<double>();
 }
 
 TEST(Semidefinite, TheLawOfTheBatchDoesNotReachIt) {

@@ -81,6 +81,20 @@ inline BodyEnvironment<double> small_wall() {
   return env;
 }
 
+/// No body, a wall, three bodies without contact of which one flies, and a stack whose floor is kinematic and moves.
+inline BodyBatch<double> mixed_environments() {
+  BodyBatch<double> batch;
+  batch.add({});
+  batch.add(wall());
+  BodyEnvironment<double> flight;
+  flight.bodies.resize(3);
+  flight.bodies[1].twist = {1, 2, 3, 4, 5, 6};
+  flight.bodies[1].twist_change = {0, 0, -1, 0, 0, 0};
+  batch.add(flight);
+  batch.add(scenes::make_body_stack(3, 6));
+  return batch;
+}
+
 inline Case sweeps(Index iterations, double tolerance = 0) {
   Case how;
   how.options.iterations = iterations;

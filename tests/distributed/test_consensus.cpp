@@ -115,15 +115,7 @@ TEST(Consensus, RanksReachNoBit) {
 }
 
 TEST(Consensus, SeveralEnvironmentsAndEmptyOnes) {
-  BodyBatch<double> batch;
-  batch.add({});
-  batch.add(wall());
-  BodyEnvironment<double> flight;
-  flight.bodies.resize(3);
-  flight.bodies[1].twist = {1, 2, 3, 4, 5, 6};
-  flight.bodies[1].twist_change = {0, 0, -1, 0, 0, 0};
-  batch.add(flight);
-  batch.add(scenes::make_body_stack(3, 6));  // its floor is kinematic and moves
+  const BodyBatch<double> batch = mixed_environments();
   const std::vector<int> part = parts_of(batch, 3);
   expect_one_answer(batch, part, into(3), sweeps(96));
   const BodySolution<double> solution = by_consensus(batch, 2, part, into(3), sweeps(96));

@@ -164,15 +164,7 @@ TEST(DomainNewton, FirstSweepsSaveSteps) {
 }
 
 TEST(DomainNewton, SeveralEnvironmentsAndEmptyOnes) {
-  BodyBatch<double> batch;
-  batch.add({});
-  batch.add(wall());
-  BodyEnvironment<double> flight;
-  flight.bodies.resize(3);
-  flight.bodies[1].twist = {1, 2, 3, 4, 5, 6};
-  flight.bodies[1].twist_change = {0, 0, -1, 0, 0, 0};
-  batch.add(flight);
-  batch.add(scenes::make_body_stack(3, 6));  // its floor is kinematic and moves
+  const BodyBatch<double> batch = mixed_environments();
   const Case how = until(1e-6, Law::coulomb, 1e-4);
   expect_one_answer(batch, into(3), how);
   const BodySolution<double> solution = by_newton(batch, 2, into(3), how);

@@ -104,15 +104,7 @@ TEST(Ranks, AWarmStart) {
 }
 
 TEST(Ranks, SeveralEnvironmentsAndEmptyOnes) {
-  BodyBatch<double> batch;
-  batch.add({});
-  batch.add(wall());
-  BodyEnvironment<double> flight;
-  flight.bodies.resize(3);
-  flight.bodies[1].twist = {1, 2, 3, 4, 5, 6};
-  batch.add(flight);
-  batch.add(scenes::box_bodies(scenes::box_tower(5), 0.5));
-  expect_one_answer(batch, sweeps(40, 1e-8));
+  expect_one_answer(mixed_environments(), sweeps(40, 1e-8));
 }
 
 TEST(Ranks, MoreRanksThanBodies) {
