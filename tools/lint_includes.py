@@ -98,7 +98,7 @@ TABLE = [
     Row("cpu_fallback/threads", [PUBLIC, "core/base", "core/team", "cpu_fallback/threads"],
         foreign=("tbb/", "pthread.h", "sched.h", "unistd.h")),
     # Tables of functions that an instruction set has. A pack's driver is given some, and is compiled into kernels.
-    Row("cpu_fallback/tables", [*KERNEL, "cpu_fallback/threads", "cpu_fallback/tables"]),
+    Row("cpu_fallback/tables", [*KERNEL, "cpu_fallback/threads", "cpu_fallback/tables"], foreign=("valgrind/",)),
     Row("cpu_fallback/pack", [*KERNEL, *PLANS, "cpu_fallback/tables", "cpu_fallback/pack"]),
     Row("cpu_fallback/kernels", [*KERNEL, "cpu_fallback/threads", "cpu_fallback/tables", "cpu_fallback/pack", "cpu_fallback/kernels"]),
     Row("cpu_fallback/machine", [*MACHINE, "cpu_fallback"]),
