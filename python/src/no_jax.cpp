@@ -4,7 +4,7 @@ namespace stiction::python {
 
 /// Built where there was no JAX: the package calls the solver back instead.
 void bind_jax(nanobind::module_& module) {
-  module.attr("jax_solve") = nanobind::none();
+  module.attr("jax_calls") = nanobind::dict();
 }
 
 }  // namespace stiction::python

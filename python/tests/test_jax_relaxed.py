@@ -1,15 +1,19 @@
-"""stiction.jax.solve with kappa and with derivative="unrolled": against JAX's own differentiation of the equations that
-define the relaxed problem, by hand, and against differences of sweeps. Skipped, and says so, without JAX."""
+"""stiction.jax.solve with kappa and with derivative="unrolled": against the equations of the relaxed problem, which JAX
+differentiates, against differences of sweeps and against the library's bits. Skipped, and says so, without JAX."""
 
 import functools
 
 import numpy as np
 import pytest
 
-from test_framework_derivatives import CONES, EXACT, problem
+import stiction
+from test_framework_derivatives import CONES, EXACT, NAMES, problem
 from frameworks import framework
 
 LAWS = pytest.mark.parametrize("law", ["convex", "coulomb"])
+#: By custom call, where the package was built beside JAX, and by host callback.
+WAYS = pytest.mark.parametrize("allow_ffi", [True, False])
+SWEEPS = {"derivative": "unrolled", "solver": "pgs", "tolerance": 0}
 
 
 @pytest.fixture
@@ -130,8 +134,7 @@ def test_sweeps_of_all_cones_are_those_of_differences(jax, solve, law):
     numbers, start = problem(3), np.random.default_rng(1).normal(size=sum(rows for _, rows in CONES))
 
     def run(start, *numbers):
-        return solve(*numbers, cones=CONES, law=law, solver="pgs", tolerance=0, max_iterations=5, derivative="unrolled",
-                     warm_start=start)[:2]
+        return solve(*numbers, cones=CONES, law=law, max_iterations=5, warm_start=start, **SWEEPS)[:2]
 
     rng = np.random.default_rng(4)
     by = tuple(rng.normal(size=(2, len(start))))
@@ -146,9 +149,74 @@ def test_sweeps_of_all_cones_are_those_of_differences(jax, solve, law):
         assert float((slope * change).sum()) == pytest.approx(wanted, rel=1e-5, abs=1e-6), place
 
 
+def of_the_library(law, kappa, numbers, start, by):
+    """Answer and derivatives of relaxed problems, or of five sweeps where kappa is 0."""
+    A, b, mu, R, lo, hi = numbers
+    batch = stiction.Batch.from_delassus(A, b, mu=mu, R=R, lo=lo, hi=hi, cones=list(CONES), law=law)
+    if kappa == 0:
+        solution = stiction.Solver(solver="pgs", tolerance=0, max_iterations=5, stall_window=0).solve(batch, warm_start=start)
+        found = stiction.Derivative().unrolled_vjp(batch, 5, warm_start=start, lambda_=by[0], w=by[1])
+    else:
+        solution = stiction.Solver(tolerance=1e-5).solve(batch)
+        found = stiction.Derivative(kappa=kappa).vjp(batch, solution, lambda_=by[0], w=by[1])
+    names = (*NAMES, "warm_start")[:6 + (kappa == 0)]
+    return (solution.lambda_, solution.w), [getattr(found, name) for name in names], found.valid
+
+
 @LAWS
-@pytest.mark.parametrize("how", [{"kappa": 0.05, **EXACT},
-                                 {"derivative": "unrolled", "solver": "pgs", "tolerance": 0, "max_iterations": 7}])
+@WAYS
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("kappa", [0.05, 0.0], ids=["relaxed", "unrolled"])
+def test_bits_are_those_of_the_library_and_nan_stays_where_it_is(jax, solve, law, allow_ffi, dtype, kappa):
+    rng = np.random.default_rng(8)
+    numbers = [np.stack(parts).astype(dtype) for parts in zip(*(problem(seed) for seed in range(5)))]
+    start, *by = (rng.normal(size=numbers[1].shape).astype(dtype) for _ in range(3))
+    numbers[1][2, 3] = np.nan
+    options = {"kappa": kappa, "tolerance": 1e-5} if kappa else {"max_iterations": 5, "warm_start": start, **SWEEPS}
+
+    @jax.jit
+    def pulled(numbers, start, by):
+        def run(*numbers_and_start):
+            own = options if kappa else options | {"warm_start": numbers_and_start[6]}
+            return solve(*numbers_and_start[:6], cones=CONES, law=law, allow_ffi=allow_ffi, **own)[:2]
+        answer, pull = jax.vjp(run, *numbers, *(() if kappa else (start,)))
+        return answer, pull(tuple(by))
+
+    answer, slopes = pulled(numbers, start, by)
+    wanted, gradients, valid = of_the_library(law, kappa, numbers, start, by)
+    assert valid.tolist() == [True, True, False, True, True]
+    for ours, theirs in zip((*answer, *slopes), (*wanted, *gradients), strict=True):
+        assert ours.dtype == dtype
+        np.testing.assert_array_equal(ours, theirs)
+    assert not any(np.asarray(slope[2]).any() for slope in slopes), "NaN has derivatives of zero"
+    others = [0, 1, 3, 4]
+    alone = pulled([part[others] for part in numbers], start[others], [part[others] for part in by])
+    for ours, theirs in zip((*answer, *slopes), (*alone[0], *alone[1]), strict=True):
+        np.testing.assert_array_equal(np.asarray(ours)[others], theirs)
+
+
+@WAYS
+def test_sweeps_are_all_run_though_they_stall(jax, solve, allow_ffi):
+    import stiction.jax
+    A, b, mu, R = (part.astype(np.float32) for part in contacts(1))
+    answer = solve(A, b, mu, R, max_iterations=4500, allow_ffi=allow_ffi, **SWEEPS)
+    assert stiction.jax.status(answer[2])["iterations"] == 4500
+    stalled = solve(A, b, mu, R, max_iterations=4500, allow_ffi=allow_ffi, solver="pgs", tolerance=0)
+    assert stiction.jax.status(stalled[2])["iterations"] < 4500
+
+
+@WAYS
+def test_cones_are_all_rows(jax, solve, allow_ffi):
+    """Rows behind the last cone got what was in memory, and all others derivatives of zero."""
+    A, b, mu, R = contacts(0)
+    for how in ({}, {"kappa": 0.05}, {"max_iterations": 3, **SWEEPS}):
+        for cones, rows in ((("friction", 3),), 3), (("friction",) * 3, 9):
+            with pytest.raises(ValueError, match=f"cones: expected cones of 6 rows together, got {rows}"):
+                solve(A, b, mu, R, cones=cones, allow_ffi=allow_ffi, **how)
+
+
+@LAWS
+@pytest.mark.parametrize("how", [{"kappa": 0.05, **EXACT}, {"max_iterations": 7, **SWEEPS}])
 def test_jit_and_vmap_change_no_bit(jax, solve, law, how):
     numbers = problem(2)
 
@@ -167,7 +235,7 @@ def test_jit_and_vmap_change_no_bit(jax, solve, law, how):
 
 def test_single_precision_stays_single(jax, solve):
     numbers = [np.asarray(part, np.float32) for part in contacts(1)]
-    for how in ({"kappa": 0.05}, {"derivative": "unrolled", "solver": "pgs", "tolerance": 0, "max_iterations": 7}):
+    for how in ({"kappa": 0.05}, {"max_iterations": 7, **SWEEPS}):
         slope = jax.grad(lambda b, how=how: solve(numbers[0], b, *numbers[2:], **how)[0].sum())(numbers[1])
         assert slope.dtype == np.float32 and np.asarray(slope).any()
 
@@ -180,12 +248,15 @@ def test_what_there_is_not_is_refused(jax, solve):
         solve(A, b, derivative="explicit")
     with pytest.raises(ValueError, match="warm_start: expected None"):
         solve(A, b, warm_start=b)
-    for how in ({"kappa": 0.05}, {"derivative": "unrolled", "solver": "pgs", "tolerance": 0, "max_iterations": 3}):
+    for how in ({"kappa": 0.05}, {"max_iterations": 3, **SWEEPS}):
         loss = lambda b, how=how: (solve(A, b, mu, R, **how)[0] ** 2).sum()  # noqa: E731
         with pytest.raises(TypeError, match="custom_vjp"):
             jax.jvp(loss, (b,), (b,))
         with pytest.raises((ValueError, TypeError)):
             jax.hessian(loss)(b)
+        option = "kappa=0.05" if "kappa" in how else "derivative='unrolled'"
+        with pytest.raises(ValueError, match=f"{option}: expected one derivative, in reverse, got a further one: use kappa=0"):
+            jax.jacrev(jax.grad(loss))(b)
 
 
 def test_options_are_refused_before_anything_is_solved(jax, solve):
@@ -216,7 +287,7 @@ def test_numbers_of_another_kind_are_refused(jax, solve):
     assert np.asarray(solve(A, np.arange(len(b)) - 3, mu, R)[0]).any(), "b is taken to A's precision"
 
 
-@pytest.mark.parametrize("allow_ffi", [True, False])
+@WAYS
 def test_environments_of_both_arrays_broadcast(jax, solve, allow_ffi):
     """One A for many b used to be read beyond its end, without a word."""
     A, b, mu, R = contacts(0)
@@ -239,7 +310,7 @@ def test_environments_of_both_arrays_broadcast(jax, solve, allow_ffi):
 def test_cones_without_a_derivative_do_not_pass_zeros_for_one(jax, solve, kind):
     """Under kappa they did. Semidefinite cones have no sweeps to unroll."""
     b = np.array([-1.0, 0.2, 0.1])
-    for how in ({"kappa": 0.05}, {"derivative": "unrolled", "solver": "pgs", "tolerance": 0, "max_iterations": 3}):
+    for how in ({"kappa": 0.05}, {"max_iterations": 3, **SWEEPS}):
         if kind == "semidefinite" and "derivative" in how:
             continue
         loss = lambda b, how=how: solve(np.eye(3), b, 0.5, cones=((kind, 3),), **how)[0].sum()  # noqa: E731

@@ -32,17 +32,21 @@ PROGRAM = textwrap.dedent("""
     numbers = [jax.device_put(array, by_env) for array in (A, b, mu)]
     grouped = [array.reshape(8, 8, *array.shape[1:]) for array in (A, b, mu)]
 
-    def answer(A, b, mu):
-        return stiction.jax.solve(A, b, mu, law="coulomb")[:2]
+    def answer(A, b, mu, **how):
+        return stiction.jax.solve(A, b, mu, law="coulomb", **how)[:2]
 
-    def gradient(A, b, mu):
-        return jax.grad(lambda b: jnp.sum(answer(A, b, mu)[0] ** 2))(b)
+    def gradient_of(**how):
+        return lambda A, b, mu: jax.grad(lambda A, b: jnp.sum(answer(A, b, mu, **how)[0] ** 2), (0, 1))(A, b)
 
-    def looks(function, arguments, plain):
+    gradient, relaxed = gradient_of(), gradient_of(kappa=0.01)
+    unrolled = gradient_of(solver="pgs", tolerance=0.0, max_iterations=5, derivative="unrolled")
+
+    def looks(function, arguments, plain, name="solve"):
         compiled = jax.jit(function).lower(*arguments).compile()
         text, out = compiled.as_text(), compiled(*arguments)
         gathers = any(name in text for name in ("all-gather", "all-reduce", "all-to-all", "collective-permute"))
-        return {"gathers": gathers, "calls": text.count("stiction_solve"),
+        return {"gathers": gathers, "calls": text.count(f"stiction_{name}"),
+                "callbacks": text.count("callback"),
                 "stays": all(not one.sharding.is_fully_replicated for one in jax.tree.leaves(out)),
                 "same": all(np.array_equal(one, np.reshape(other, one.shape))
                             for one, other in zip(jax.tree.leaves(out), jax.tree.leaves(plain)))}
@@ -55,6 +59,8 @@ PROGRAM = textwrap.dedent("""
         "vmap": looks(jax.vmap(answer), numbers, plain),
         "shard_map": looks(mapped, numbers, plain),
         "grad": looks(gradient, numbers, jax.jit(gradient)(A, b, mu)),
+        "relaxed": looks(relaxed, numbers, jax.jit(relaxed)(A, b, mu), "relaxed_vjp"),
+        "sweeps": looks(unrolled, numbers, jax.jit(unrolled)(A, b, mu), "sweep_vjp"),
         "two axes": looks(answer, [jax.device_put(array, by_env) for array in grouped], plain),
         "rows": bool(np.array_equal(answer(*[jax.device_put(array[:8], NamedSharding(by_env.mesh, PartitionSpec(None)))
                                              for array in (A, b, mu)])[0], plain[0][:8])),
@@ -77,9 +83,11 @@ def test_eight_devices_are_there(seen):
     assert seen["devices"] == 8
 
 
-@pytest.mark.parametrize("how", ["jit", "vmap", "shard_map", "grad", "two axes"])
+@pytest.mark.parametrize("how", ["jit", "vmap", "shard_map", "grad", "relaxed", "sweeps", "two axes"])
 def test_each_device_solves_what_it_has(seen, how):
-    assert seen[how]["calls"] >= 1 and not seen[how]["gathers"] and seen[how]["stays"] and seen[how]["same"], seen[how]
+    looks = seen[how]
+    assert looks["calls"] >= 1 and looks["callbacks"] == 0 and not looks["gathers"], looks
+    assert looks["stays"] and looks["same"], looks
 
 
 def test_arrays_that_are_not_sharded_are_solved_too(seen):

@@ -2,10 +2,9 @@
 
     lambda_, w, status = stiction.jax.solve(A, b, mu, law="coulomb")
 
-On the CPU it is an XLA custom call (jax.ffi) where the package was built beside JAX. On other platforms, or if it was
-not, it is a host callback (jax.pure_callback). `uses_ffi` says which. Both run the same solver and return the same
-bits. The custom call follows its arguments' sharding by environments: each device solves its own, and nothing is
-gathered. The callback gathers everything unless it is called inside jax.shard_map.
+`uses_ffi` says if solves, and derivatives that are the library's, are XLA custom calls on the CPU. A custom call
+follows its arguments' sharding by environments: each device solves its own, and nothing is gathered. A host callback
+gathers everything unless it is called inside jax.shard_map.
 """
 
 import functools
@@ -14,91 +13,31 @@ import math
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.experimental.custom_partitioning import custom_partitioning
-from jax.sharding import NamedSharding, PartitionSpec
 
-from .. import _core
 from ..core.arguments import number, whole
 from ..core.arrays import STATUS_DTYPE
-from ..core.layout import cone_list
 from ..core.solution import SOLVED
+from . import calls
 from . import derivative as derivatives
-from . import host
+from .calls import uses_ffi  # noqa: F401 - part of the interface
 from .host import How
-
-#: True if `solve` is an XLA custom call on the CPU.
-uses_ffi = _core.jax_solve is not None
-if uses_ffi:
-    jax.ffi.register_ffi_target("stiction_solve", _core.jax_solve, platform="cpu")
-
-
-def _by_environments(call):
-    """`call`, of A, b and rows, such that leading axes may be sharded and vmapped. Rows stay together."""
-
-    def partition(mesh, arguments, results):
-        lead = tuple(arguments[1].sharding.spec)[:len(arguments[1].shape) - 1]
-        by_lead = NamedSharding(mesh, PartitionSpec(*lead))
-        return mesh, call, (by_lead,) * len(results), (by_lead,) * len(arguments)
-
-    sharded = custom_partitioning(call)
-    sharded.def_partition(partition=partition, need_replication_factors=("i", "j", "k"),
-                          sharding_rule="... i j, ... i, ... i, ... i, ... i, ... i -> ... i, ... i, ... k")
-
-    @jax.custom_batching.custom_vmap
-    def batched(*arguments):
-        return sharded(*arguments)
-
-    @batched.def_vmap
-    def _(size, is_batched, *arguments):
-        wide = [x if has else jnp.broadcast_to(x, (size, *x.shape)) for x, has in zip(arguments, is_batched)]
-        return batched(*wide), (True, True, True)
-
-    return batched
-
-
-def _results(A, b):
-    """Shapes of a solve's results."""
-    shape = jax.ShapeDtypeStruct(b.shape, A.dtype)
-    return shape, shape, jax.ShapeDtypeStruct(b.shape[:-1] + (STATUS_DTYPE.itemsize,), jnp.uint8)
-
-
-def _call_host(function, results, *arguments):
-    return jax.pure_callback(function, results, *arguments, vmap_method="broadcast_all")
-
-
-def _like(*arrays):
-    return tuple(jax.ShapeDtypeStruct(array.shape, array.dtype) for array in arrays)
 
 
 @functools.partial(jax.custom_jvp, nondiff_argnums=(6,))
 def _solve(A, b, mu, R, lo, hi, how):
-    arguments = (A, b, mu, R, lo, hi)
-
-    def call_back(*arguments):
-        return _call_host(functools.partial(host.solve, how), _results(*arguments[:2]), *arguments)
-
-    if not (uses_ffi and how.allow_ffi):
-        return call_back(*arguments)
-    kinds, dims = cone_list("cones", how.cones, b.shape[-1])
-
-    def custom_call(*arguments):
-        call = jax.ffi.ffi_call("stiction_solve", _results(*arguments[:2]), vmap_method="broadcast_all")
-        return call(*arguments, kinds=kinds.astype(np.int64), dims=dims, law=how.law, solver=how.solver,
-                    tolerance=np.float64(how.tolerance), max_iterations=np.int64(how.max_iterations))
-
-    return jax.lax.platform_dependent(*arguments, cpu=_by_environments(custom_call), default=call_back)
+    return calls.run("solve", how, A, b, mu, R, lo, hi)
 
 
 @_solve.defjvp
 def _(how, numbers, changes):
     lambda_, w, records = _solve(*numbers, how)
-    kinds, dims = cone_list("cones", how.cones, numbers[1].shape[-1])
+    kinds, dims = calls.cones_of(how.cones, numbers[1].shape[-1])
     moved = derivatives.tangents(kinds, dims, how.law, numbers, changes, lambda_, w, _is_solved(records))
     return (lambda_, w, records), (*moved, np.zeros(records.shape, jax.dtypes.float0))
 
 
-@functools.partial(jax.custom_vjp, nondiff_argnums=(6, 7))
-def _solve_relaxed(A, b, mu, R, lo, hi, how, kappa):
+@functools.partial(jax.custom_vjp, nondiff_argnums=(6,))
+def _solve_relaxed(A, b, mu, R, lo, hi, how):
     """As _solve; its derivatives are those of the relaxed problem."""
     return _solve(A, b, mu, R, lo, hi, how)
 
@@ -109,33 +48,24 @@ def _keep_relaxed(*arguments):
     return (lambda_, w, records), (*numbers, lambda_, records)
 
 
-def _pull_relaxed(how, kappa, kept, by):
-    derivatives.refuse(cone_list("cones", how.cones, kept[1].shape[-1])[0])
-    return _call_host(functools.partial(host.relaxed_vjp, how, kappa), _like(*kept[:6]), *kept, *by[:2])
-
-
-_solve_relaxed.defvjp(_keep_relaxed, _pull_relaxed)
-
-
 @functools.partial(jax.custom_vjp, nondiff_argnums=(7,))
-def _sweep(start, A, b, mu, R, lo, hi, how):
+def _sweep(A, b, mu, R, lo, hi, start, how):
     """max_iterations sweeps from reactions `start`, and their derivatives."""
-    numbers = (A, b, mu, R, lo, hi)
-    return _call_host(functools.partial(host.sweep, how), _results(A, b), start, *numbers)
+    return calls.run("sweep", how, A, b, mu, R, lo, hi, start)
 
 
 def _keep_sweep(*arguments):
     return _sweep(*arguments), arguments[:7]
 
 
-def _pull_sweep(how, kept, by):
-    start, *numbers = kept
-    derivatives.refuse(cone_list("cones", how.cones, start.shape[-1])[0])
-    *found, by_start = _call_host(functools.partial(host.sweep_vjp, how), _like(*numbers, start), *kept, *by[:2])
-    return by_start, *found
+def _pull(name, how, kept, by):
+    """Derivatives by the library, in reverse."""
+    derivatives.refuse(calls.cones_of(how.cones, kept[1].shape[-1])[0])
+    return calls.run(name, how, *kept, *by[:2])
 
 
-_sweep.defvjp(_keep_sweep, _pull_sweep)
+_solve_relaxed.defvjp(_keep_relaxed, functools.partial(_pull, "relaxed_vjp"))
+_sweep.defvjp(_keep_sweep, functools.partial(_pull, "sweep_vjp"))
 
 
 @functools.partial(jax.jit, static_argnames=("cones", "law", "solver", "tolerance", "max_iterations",
@@ -145,8 +75,9 @@ def solve(A, b, mu=0.0, R=0.0, lo=0.0, hi=0.0, *, cones="friction", law="convex"
     """Reactions, residual motion and status of contact problems.
 
     A (..., n, n), b (..., n), mu, R, lo, hi like b or numbers; float32, or float64 with jax_enable_x64. Leading axes
-    are environments, those of vmap too, and broadcast: one A may go with many b. cones: a kind's name or a tuple of names and (name, rows) pairs, the same for
-    all. Returns lambda_ and w, shaped like b, and status as bytes uint8 (..., 32), which `status(...)` names.
+    are environments, those of vmap too, and broadcast: one A may go with many b. cones: a kind's name or a tuple of
+    names and (name, rows) pairs, together all rows, the same for all. Returns lambda_ and w, shaped like b, and status
+    as bytes uint8 (..., 32), which `status(...)` names.
     allow_ffi False: the host callback in any case.
 
     lambda_ and w have derivatives by all numbers, forward and reverse, of any order (docs/math/derivative.md). They are
@@ -157,7 +88,7 @@ def solve(A, b, mu=0.0, R=0.0, lo=0.0, hi=0.0, *, cones="friction", law="convex"
     kappa > 0 takes the derivatives of the relaxed problem, so that open contacts pass some on (stiction.Derivative).
     The results do not change. derivative="unrolled" takes those of exactly max_iterations sweeps of solver="pgs" with
     tolerance=0, converged or not (Derivative.unrolled_vjp). They begin at reactions warm_start, like b (None: 0),
-    which have derivatives, too. Both are in reverse and once, in a host callback, with the library's bits.
+    which have derivatives, too. Both are in reverse and once, and the library's: so are their bits.
     """
     A, b = jnp.asarray(A), jnp.asarray(b)
     if A.dtype not in (jnp.float32, jnp.float64):
@@ -171,11 +102,12 @@ def solve(A, b, mu=0.0, R=0.0, lo=0.0, hi=0.0, *, cones="friction", law="convex"
         raise ValueError(f"max_iterations: expected an integer of at least 0, got {max_iterations}")
     _check_derivative(derivative, solver, tolerance, kappa, warm_start)
     wide = [jnp.broadcast_to(jnp.asarray(x, A.dtype), b.shape) for x in (mu, R, lo, hi)]
-    numbers, how = (A, b.astype(A.dtype), *wide), How(cones, law, solver, tolerance, max_iterations, allow_ffi)
+    numbers = A, b.astype(A.dtype), *wide
+    how = How(cones, law, solver, tolerance, max_iterations, kappa, allow_ffi)
     if derivative == "unrolled":
         start = jnp.asarray(0 if warm_start is None else warm_start, A.dtype)
-        return _sweep(jnp.broadcast_to(start, b.shape), *numbers, how)
-    return _solve_relaxed(*numbers, how, kappa) if kappa else _solve(*numbers, how)
+        return _sweep(*numbers, jnp.broadcast_to(start, b.shape), how)
+    return _solve_relaxed(*numbers, how) if kappa else _solve(*numbers, how)
 
 
 @functools.partial(jax.jit, static_argnames=("cones", "law"))
@@ -186,7 +118,7 @@ def has_derivative(answer, A, b, mu=0.0, R=0.0, lo=0.0, hi=0.0, *, cones="fricti
     lambda_, w, records = answer
     A, b = _over_environments(jnp.asarray(A), jnp.asarray(b))
     numbers = (A, *(jnp.broadcast_to(jnp.asarray(x, A.dtype), b.shape) for x in (b, mu, R, lo, hi)))
-    kinds, dims = cone_list("cones", cones, b.shape[-1])
+    kinds, dims = calls.cones_of(cones, b.shape[-1])
     return derivatives.is_determined(kinds, dims, law, numbers, lambda_, w, _is_solved(records))
 
 

@@ -21,6 +21,7 @@ class How(typing.NamedTuple):
     solver: str
     tolerance: float
     max_iterations: int
+    kappa: float
     allow_ffi: bool
 
 
@@ -63,30 +64,32 @@ def solve(how, *numbers):
     return _answer(lead, _solver(how.solver, how.tolerance, how.max_iterations).solve(batch))
 
 
-def relaxed_vjp(how, kappa, *arguments):
+def relaxed_vjp(how, *arguments):
     """Derivatives by the six numbers of the relaxed problem near lambda_. arguments: the numbers, lambda_, records, and
     derivatives of a loss by lambda_ and w.
     """
     batch, lead = _batch(how, arguments[:6])
     lambda_, by_lambda, by_w = _flat(lead, batch.dtype, arguments[6], *arguments[8:])
     records, = _flat(lead, np.uint8, arguments[7])
-    found = Derivative(kappa=kappa).vjp(batch, lambda_, lambda_=by_lambda, w=by_w,
-                                        status=records.view(STATUS_DTYPE).reshape(-1))
+    found = Derivative(kappa=how.kappa).vjp(batch, lambda_, lambda_=by_lambda, w=by_w,
+                                            status=records.view(STATUS_DTYPE).reshape(-1))
     return _gradients(lead, found)
 
 
-def sweep(how, start, *numbers):
-    """lambda_, w and records of max_iterations sweeps from reactions `start`, converged or not."""
-    batch, lead = _batch(how, numbers)
-    start, = _flat(lead, batch.dtype, start)
+def sweep(how, *arguments):
+    """lambda_, w and records of max_iterations sweeps, converged or not. arguments: the numbers, and reactions where
+    the sweeps begin.
+    """
+    batch, lead = _batch(how, arguments[:6])
+    start, = _flat(lead, batch.dtype, arguments[6])
     return _answer(lead, _solver(how.solver, 0.0, how.max_iterations, 0).solve(batch, warm_start=start))
 
 
-def sweep_vjp(how, start, *arguments):
-    """Derivatives by the six numbers, and by `start`, of those sweeps. arguments: the numbers, and derivatives of a
-    loss by lambda_ and w.
+def sweep_vjp(how, *arguments):
+    """Derivatives by the six numbers, and by the beginning, of those sweeps. arguments: those of sweep(), and
+    derivatives of a loss by lambda_ and w.
     """
     batch, lead = _batch(how, arguments[:6])
-    start, by_lambda, by_w = _flat(lead, batch.dtype, start, *arguments[6:])
+    start, by_lambda, by_w = _flat(lead, batch.dtype, *arguments[6:])
     found = Derivative().unrolled_vjp(batch, how.max_iterations, warm_start=start, lambda_=by_lambda, w=by_w)
     return _gradients(lead, found, "warm_start")
