@@ -1,5 +1,5 @@
 """Calls from JAX into the library. On the CPU they are XLA custom calls (jax.ffi) where the package was built beside
-JAX. On other platforms, or if it was not, they are host callbacks (jax.pure_callback). Both have the same bits.
+JAX, of 0.8.2 or later. On other platforms, or if it was not, they are host callbacks (jax.pure_callback). Both have the same bits.
 """
 
 import functools
@@ -15,9 +15,9 @@ from ..core.arrays import STATUS_DTYPE
 from ..core.layout import cone_list, tiles
 from . import host
 
-#: True if calls on the CPU are XLA custom calls.
-uses_ffi = bool(_core.jax_calls)
-for _name, _handler in _core.jax_calls.items():
+#: True if calls on the CPU are XLA custom calls. JAX before 0.8.2 cannot shard them.
+uses_ffi = bool(_core.jax_calls) and jax.__version_info__ >= (0, 8, 2)
+for _name, _handler in _core.jax_calls.items() if uses_ffi else ():
     jax.ffi.register_ffi_target(f"stiction_{_name}", _handler, platform="cpu")
 
 _MATRIX, _ROWS, _RECORDS = "... i j", "... i", "... k"
