@@ -23,11 +23,9 @@ void derive_all(const Job& job, const LaneEnv<Real>* envs, JacobianVjpResult* re
                          alike.cones_of(members));
   });
   for (Offset i = 0; i < small; ++i) results[alike.from(i)] = own[i];
-  if constexpr (kTakesParts<Job, Real>) {
-    using Large = LaneTypes<Real, 1, LargeDofSet>;
-    for (Offset env = small; env < count; ++env)
-      jacobian_pack<Large>(job, envs + env, results + env, 1, PackMemory<Large>{scratch});
-  }
+  using Large = LaneTypes<Real, 1, LargeDofSet>;
+  for (Offset env = small; env < count; ++env)
+    jacobian_pack<Large>(job, envs + env, results + env, 1, PackMemory<Large>{scratch});
 }
 
 }  // namespace

@@ -19,12 +19,12 @@ class JacobianPackParts {
       if (!takes_derivative(job, env)) continue;
       const LaneEnv<Real> whole = lane_env(batch, env);
       if (whole.dofs > kMostVelocityDofs) {
-        if (kTakesParts<Job, Real>) large.push_back(env);
+        large.push_back(env);
       } else if (takes_derivative_size(whole)) {
         parts_.push_back(whole);
       }
     }
-    islands_.append(batch, large, parts_, [](const LaneEnv<Real>& part) { return takes_derivative_size(part); });
+    islands_.append(batch, large, parts_, [&job](const LaneEnv<Real>& part) { return takes_part(job, part); });
     sort_by_size(parts_);
     results_.resize(parts_.size());
     std::vector<double> scales(large.empty() ? 0 : static_cast<std::size_t>(batch.env_count));

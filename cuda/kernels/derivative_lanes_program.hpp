@@ -43,19 +43,19 @@ struct DerivativeLanesProgram {
       result.is_answered = false;
     else if (part.dofs <= kMostVelocityDofs)
       jacobian_pack<Types>(job, &part, &result, 1, LaneMemory<Types>{place.args, place.team, place.lane});
-    else if constexpr (kTakesParts<Job, Real>)
+    else
       jacobian_pack<Large>(job, &part, &result, 1, LaneMemory<Large>{place.args, place.team, place.lane});
     return result;
   }
 
-  static STICTION_HD_OUTLINE JacobianVjpResult vjp_of_parts(Offset env, const Place& place) {
-    const JacobianVjpJob<Real>& job = place.args.job;
+  template <class Job>
+  static STICTION_HD_OUTLINE JacobianVjpResult derive_parts(const Job& job, Offset env, const Place& place) {
     const JacobianBatchView<Real>& batch = job.assembly.batch;
     DofIslands<Real> islands(batch, env, place.islands());
     islands.find();
     JacobianVjpResult result;
     for (Index i = 0; i < islands.count(); ++i)
-      result.is_answered = result.is_answered && takes_derivative_size(islands.part(i));
+      result.is_answered = result.is_answered && takes_part(job, islands.part(i));
     const double scale = free_motion(batch, env);
     for (Index i = 0; i < islands.count() && result.is_answered; ++i)
       join(result, derive(job, islands.part(i), scale, place));
@@ -70,9 +70,8 @@ struct DerivativeLanesProgram {
     const LaneEnv<Real> whole = lane_env(job.assembly.batch, env);
     if (whole.dofs <= kMostVelocityDofs && whole.dofs <= args.dofs) {
       finish(job, args.answered, env, derive(job, whole, 0.0, place));
-    } else if constexpr (kTakesParts<Job, Real>) {
-      if (args.islands_per_lane >= DofIslands<Real>::integers(whole.dofs, whole.cones))
-        finish(job, args.answered, env, vjp_of_parts(env, place));
+    } else if (args.islands_per_lane >= DofIslands<Real>::integers(whole.dofs, whole.cones)) {
+      finish(job, args.answered, env, derive_parts(job, env, place));
     }
   }
   static STICTION_HD void run_lane(Offset env, const Place& place) {

@@ -136,6 +136,20 @@ TEST(DeviceJacobianDerivative, OfLargeEnvironmentsIsFoundPartByPart) {
     EXPECT_EQ(bytes_of(own.status), bytes_of(expected.status));
     EXPECT_EQ(own.status[1].flags, 0U);
     EXPECT_EQ(own.status[2].flags, 0U);
+
+    // Robots change without being coupled.
+    JacobianGradients<double> along(view);
+    for (auto* part : along.parts()) *part = random_numbers(part->size(), ++draw);
+    for (auto& part : parts) part.J = random_numbers(part.J.size(), ++draw);
+    const JacobianEnvironment<double> changed = beside_one_another(parts);
+    std::ranges::copy(changed.J, along.J.begin() + view.row_offsets[view.env_row_offsets[1]]);
+    std::ranges::copy(changed.M, along.M.begin() + view.env_mass_offsets[1]);
+    JacobianChanges<double> forward(view), moved(view);
+    Derivative(Device::cpu()).jvp(batch.view(), at, along.tangents(), forward.view(), forward.status.data());
+    there.jvp(view, at, along.tangents(), moved.view(), moved.status.data());
+    const auto three = forward.all(), four = moved.all();
+    EXPECT_TRUE(same_bits(std::span<const double>(three), std::span<const double>(four)));
+    EXPECT_EQ(bytes_of(moved.status), bytes_of(forward.status));
   }
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "core/algorithm/derivative/jacobian_pack_limits.hpp"
 #include "core/algorithm/derivative/jacobian_vjp_workspace.hpp"
 #include "core/algorithm/derivative/vjp.hpp"
 #include "core/algorithm/velocity/lanes/lane_env.hpp"
@@ -36,7 +37,7 @@ struct LaneChange {
     for (Offset e = begin; e < end; ++e) {
       const Index dof = batch.column == nullptr ? static_cast<Index>(e - begin) : batch.column[e];
       if (free != nullptr) carried = fma_(static_cast<double>(batch.J[e]), static_cast<double>(free[dof]), carried);
-      if (dJ == nullptr) continue;
+      if (dJ == nullptr || !has_dof(env, dof)) continue;
       const auto change = static_cast<double>(dJ[e]);
       const Index k = local_of(env, dof);
       changed = fma_(change, of(workspace.velocity, k), changed);
@@ -50,9 +51,8 @@ struct LaneChange {
   STICTION_HD void finish() const {
     if (job.tangents.M != nullptr) take_mass_change();
     const Real* const free = free_change();
-    for (Index dof = 0; dof < env.dofs; ++dof) {
-      const Index k = local_of(env, dof);
-      const double none = free == nullptr ? 0.0 : static_cast<double>(free[dof]) * 0.0;
+    for (Index k = 0; k < env.dofs; ++k) {
+      const double none = free == nullptr ? 0.0 : static_cast<double>(free[dof_of(env, k)]) * 0.0;
       workspace.v_bar().at(k, lane) = static_cast<Real>(of(workspace.scratch, k) + none);
     }
   }
@@ -77,18 +77,21 @@ struct LaneChange {
     const JacobianBatchView<Real>& batch = job.assembly.batch;
     const Real* const dM = job.tangents.M + set * batch.mass_count + batch.env_mass_offsets[env.env];
     if (batch.mass_form == MassForm::factor) return take_factor_change(dM);
-    for (Index i = 0; i < env.dofs; ++i) {
-      const Index begin = i / env.block * env.block, own = local_of(env, i);
-      const double half = -0.5 * moved(own);
-      double sum = 0.0;
-      for (Index j = begin; j < begin + env.block; ++j) {
-        const Index k = local_of(env, j);
-        const auto change = static_cast<double>(dM[Offset{i} * env.block + j - begin]);
-        sum = fma_(change, moved(k), sum);
-        of(workspace.scratch, k) = fma_(change, half, of(workspace.scratch, k));
+    for_each_block([&](Index first, Index last, Index begin) {
+      for (Index i = first; i < last; ++i) {
+        const Index own = number_of(i);
+        const Real* const row = dM + Offset{dof_of(env, own)} * env.block;
+        const double half = -0.5 * moved(own);
+        double sum = 0.0;
+        for (Index j = first; j < last; ++j) {
+          const Index k = number_of(j);
+          const auto change = static_cast<double>(row[dof_of(env, k) - begin]);
+          sum = fma_(change, moved(k), sum);
+          of(workspace.scratch, k) = fma_(change, half, of(workspace.scratch, k));
+        }
+        of(workspace.scratch, own) = fma_(-0.5, sum, of(workspace.scratch, own));
       }
-      of(workspace.scratch, own) = fma_(-0.5, sum, of(workspace.scratch, own));
-    }
+    });
   }
   STICTION_HD void take_factor_change(const Real* dL) const {
     double *const pulled = workspace.adjoint, *const changed = workspace.force;  // L'p and dL'p
@@ -106,11 +109,25 @@ struct LaneChange {
   /// f(number of the row, number of the column, entry) for every block's lower triangle.
   template <class F>
   STICTION_HD void for_each_lower(F&& f) const {
-    for (Index i = 0; i < env.dofs; ++i) {
-      const Index begin = i / env.block * env.block;
-      for (Index j = begin; j <= i; ++j) f(local_of(env, i), local_of(env, j), Offset{i} * env.block + j - begin);
+    for_each_block([&](Index first, Index last, Index begin) {
+      for (Index i = first; i < last; ++i) {
+        const Index own = number_of(i);
+        const Offset row = Offset{dof_of(env, own)} * env.block - begin;
+        for (Index j = first; j <= i; ++j) f(own, number_of(j), row + dof_of(env, number_of(j)));
+      }
+    });
+  }
+  /// f(first, last, first of the block) for the degrees of freedom of every block of M, in the environment's order.
+  template <class F>
+  STICTION_HD void for_each_block(F&& f) const {
+    for (Index first = 0, last = 0; first < env.dofs; first = last) {
+      const Index begin = dof_of(env, number_of(first)) / env.block * env.block;
+      while (last < env.dofs && dof_of(env, number_of(last)) < begin + env.block) ++last;
+      f(first, last, begin);
     }
   }
+  /// The number here of the i-th in the environment's order.
+  [[nodiscard]] STICTION_HD Index number_of(Index i) const { return env.is_reversed ? env.dofs - 1 - i : i; }
 };
 
 }  // namespace stiction::inline STICTION_ISA

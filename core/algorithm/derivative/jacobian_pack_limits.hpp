@@ -1,8 +1,6 @@
 #pragma once
 
-#include <type_traits>
-
-#include "core/algorithm/velocity/lanes/lane_env.hpp"
+#include "core/algorithm/velocity/lanes/dof_islands.hpp"
 #include "core/job/derivative_job.hpp"
 
 /// Which environments of J and M lanes differentiate, whole or part by part (jacobian_pack.hpp).
@@ -16,14 +14,58 @@ STICTION_HD bool takes_derivative(const Job& job, Offset env) {
   const bool is_solved = job.contact.at.status == nullptr || job.contact.at.status[env].code == EnvCode::solved;
   return job.contact.law == Law::convex && is_solved && takes_form(job.assembly.batch, env);
 }
-/// True if environments that are too large for a lane are taken part by part. A change of J or M may couple parts.
-template <class Job, class Real>
-inline constexpr bool kTakesParts = std::is_same_v<Job, JacobianVjpJob<Real>>;
-
 /// True if an environment, or a part of one, of that size is taken. One of more than kMostVelocityDofs is a lane alone.
 template <class Real>
 STICTION_HD bool takes_derivative_size(const LaneEnv<Real>& env) {
   return env.dofs > 0 && env.dofs <= kMostLargeDofs && env.rows <= kMostVelocityRows;
+}
+
+/// True if a degree of freedom of the environment is one of this part, or this is the whole.
+template <class Real>
+STICTION_HD bool has_dof(const LaneEnv<Real>& part, Index of_env) {
+  if (part.dof == nullptr) return true;
+  const Index k = local_of(part, of_env);
+  return k < part.dofs && part.dof[k] == of_env;
+}
+
+/// True if a part can be differentiated without the others: cotangents couple no parts, but changes of J or M may.
+template <class Real>
+STICTION_HD bool stands_alone(const JacobianVjpJob<Real>&, const LaneEnv<Real>&) {
+  return true;
+}
+template <class Real>
+STICTION_HD bool stands_alone(const JacobianJvpJob<Real>& job, const LaneEnv<Real>& part) {
+  const JacobianBatchView<Real>& batch = job.assembly.batch;
+  bool stands = true;
+  if (part.dofs == batch.env_dofs(part.env)) return stands;
+  const auto look_at = [&](const Real* changes, Index count, auto&& dof_of_change) {
+    for_each_nonzero(changes, count, [&](Index i) { stands = stands && has_dof(part, dof_of_change(i)); });
+  };
+  for (Offset set = 0; set < job.contact.count; ++set) {
+    const Real* const dJ = job.tangents.J == nullptr ? nullptr : job.tangents.J + set * batch.entry_count;
+    for (Index c = 0; dJ != nullptr && c < part.cones; ++c) {
+      const Offset* const rows = batch.cone_row_offsets + part.first_cone + cone_of(part, c);
+      for (Offset row = rows[0]; row < rows[1]; ++row) {
+        const Offset first = batch.row_offsets[row];
+        look_at(dJ + first, static_cast<Index>(batch.row_offsets[row + 1] - first),
+                [&](Index i) { return batch.column == nullptr ? i : batch.column[first + i]; });
+      }
+    }
+    if (job.tangents.M == nullptr) continue;
+    const Real* const dM = job.tangents.M + set * batch.mass_count + batch.env_mass_offsets[part.env];
+    for (Index k = 0; k < part.dofs; ++k) {
+      const Index i = dof_of(part, k), first = i / part.block * part.block;
+      look_at(dM + Offset{i} * part.block, batch.mass_form == MassForm::factor ? i + 1 - first : part.block,
+              [&](Index j) { return first + j; });
+    }
+  }
+  return stands;
+}
+
+/// True if a part of an environment is taken. The environment is if all of its parts are.
+template <class Job, class Real>
+STICTION_HD bool takes_part(const Job& job, const LaneEnv<Real>& part) {
+  return takes_derivative_size(part) && stands_alone(job, part);
 }
 
 /// max|b| of an environment that is taken part by part, whose ties are measured by it.

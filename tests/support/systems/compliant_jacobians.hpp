@@ -94,12 +94,14 @@ inline std::vector<double> full_mass_of(const JacobianEnvironment<double>& env, 
   return M;
 }
 
-/// Compares records of lanes with those of the contact batch that is assembled.
-inline void expect_records_near(const std::vector<GradientStatus>& own, const std::vector<GradientStatus>& expected) {
+/// Compares records of lanes with those of the contact batch that is assembled. Residuals may differ by
+/// `most`: in a part they are roundings of the whole's max|b|, over the scale of an island that is smaller.
+inline void expect_records_near(const std::vector<GradientStatus>& own, const std::vector<GradientStatus>& expected,
+                                double most = 1e-14) {
   for (std::size_t e = 0; e < own.size(); ++e) {
     EXPECT_EQ(own[e].flags, expected[e].flags) << e;
     EXPECT_EQ(own[e].unknowns, expected[e].unknowns) << e;
-    EXPECT_NEAR(own[e].forward_residual, expected[e].forward_residual, 1e-14) << e;
+    EXPECT_NEAR(own[e].forward_residual, expected[e].forward_residual, most) << e;
     EXPECT_LT(own[e].residual, 1e-11) << e;
   }
 }

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "tests/support/bits.hpp"
 #include "tests/support/oracles/jacobian_derivatives.hpp"
@@ -71,10 +72,11 @@ struct Case {
   JacobianSolution<double> solution;
   bool is_smooth = false;
 
-  Case(const Form& given, Law of, std::uint64_t seed)
+  Case(const Form& given, Law of, std::uint64_t seed) : Case(given, of, environment_of(given, seed)) {}
+  Case(const Form& given, Law of, JacobianEnvironment<double> one)
       : form(given),
         law(of),
-        env(environment_of(form, seed)),
+        env(std::move(one)),
         batch(batch_of(env, form, law)),
         solution(solved(env, form, law, kTightest)) {
     DerivativeOptions careful;
@@ -84,39 +86,76 @@ struct Case {
   }
 };
 
-TEST(ForwardDerivativeOfJacobians, IsThatOfFiniteDifferences) {
-  double worst[3] = {}, raw = 0.0;
+/// Errors of changes over the largest change, noise of differences taken off, of as many problems.
+struct Errors {
+  double lambda = 0.0, w = 0.0, velocity = 0.0, raw = 0.0;
   int used = 0;
+
+  void take(const Case& problem, const JacobianGradients<double>& along) {
+    ++used;
+    const auto own = jvp(problem.batch.view(), problem.solution.contact.lambda, along.tangents());
+    constexpr double kStep = 3e-6;
+    const auto at = [&](double step) {
+      return solved(moved(problem.env, along, step), problem.form, problem.law, kTightest);
+    };
+    const auto up = at(kStep), down = at(-kStep);
+    const auto compare = [&](const std::vector<double>& plus, const std::vector<double>& minus,
+                             const std::vector<double>& derivative, double& of) {
+      // A solve to r leaves an error of about r, and the difference one of r over the step.
+      const double noise = 30.0 * kTightest / kStep;
+      const double size = std::max(largest(derivative), 1e-3);
+      for (std::size_t i = 0; i < derivative.size(); ++i) {
+        const double error = std::abs((plus[i] - minus[i]) / (2 * kStep) - derivative[i]) / size;
+        raw = std::max(raw, error);
+        of = std::max(of, error - noise);
+      }
+    };
+    compare(up.contact.lambda, down.contact.lambda, own.lambda, lambda);
+    compare(up.contact.w, down.contact.w, own.w, w);
+    compare(up.velocity, down.velocity, own.velocity, velocity);
+  }
+  void expect_small() const {
+    std::printf("%d problems; largest, with noise: %.2e\n", used, raw);
+    for (const double error : {lambda, w, velocity}) EXPECT_LT(error, 1e-5);
+  }
+};
+
+TEST(ForwardDerivativeOfJacobians, IsThatOfFiniteDifferences) {
+  Errors errors;
   for (const Law law : kBothLaws)
     for (const Form& form : kForms)
       for (std::uint64_t seed = 1; seed <= 12; ++seed) {
         const Case problem(form, law, seed);
-        if (!problem.is_smooth) continue;
-        ++used;
-        const auto view = problem.batch.view();
-        const auto along = random_changes(view, form, seed);
-        const auto own = jvp(view, problem.solution.contact.lambda, along.tangents());
-        constexpr double kStep = 3e-6;
-        const auto up = solved(moved(problem.env, along, kStep), form, law, kTightest);
-        const auto down = solved(moved(problem.env, along, -kStep), form, law, kTightest);
-        const auto compare = [&](const std::vector<double>& plus, const std::vector<double>& minus,
-                                 const std::vector<double>& derivative, double& of) {
-          // A solve to r leaves an error of about r, and the difference one of r over the step.
-          const double noise = 30.0 * kTightest / kStep;
-          const double size = std::max(largest(derivative), 1e-3);
-          for (std::size_t i = 0; i < derivative.size(); ++i) {
-            const double error = std::abs((plus[i] - minus[i]) / (2 * kStep) - derivative[i]) / size;
-            raw = std::max(raw, error);
-            of = std::max(of, error - noise);
-          }
-        };
-        compare(up.contact.lambda, down.contact.lambda, own.lambda, worst[0]);
-        compare(up.contact.w, down.contact.w, own.w, worst[1]);
-        compare(up.velocity, down.velocity, own.velocity, worst[2]);
+        if (problem.is_smooth) errors.take(problem, random_changes(problem.batch.view(), form, seed));
       }
-  std::printf("%d problems; largest, with noise: %.2e\n", used, raw);
-  for (const double error : worst) EXPECT_LT(error, 1e-5);
-  EXPECT_GE(used, 60);
+  errors.expect_small();
+  EXPECT_GE(errors.used, 60);
+}
+
+/// More degrees of freedom than lanes take side by side: one robot, and robots beside one another, which change
+/// without being coupled.
+TEST(ForwardDerivativeOfJacobians, IsThatOfFiniteDifferencesOfLargeEnvironments) {
+  Errors errors;
+  constexpr Form kWhole{72, MassForm::matrix, false};
+  for (std::uint64_t seed = 1; seed <= 4; ++seed) {
+    const Case one(kWhole, Law::convex, random_jacobian({seed, 4, 3, 72, 72, 0.02}));
+    if (one.is_smooth) errors.take(one, random_changes(one.batch.view(), kWhole, seed));
+    std::vector<JacobianEnvironment<double>> parts, changes;
+    for (std::uint64_t part = 1; part <= 8; ++part) {
+      parts.push_back(environment_of(kForms[0], 8 * seed + part));
+      changes.push_back(parts.back());
+      changes.back().J = random_numbers(parts.back().J.size(), part);
+      changes.back().M = random_numbers(parts.back().M.size(), part + seed);
+      restrict_mass(kForms[0], changes.back().M);
+    }
+    const Case robots(kWhole, Law::convex, beside_one_another(parts));
+    auto along = random_changes(robots.batch.view(), kWhole, seed);
+    along.J = beside_one_another(changes).J;
+    along.M = beside_one_another(changes).M;
+    if (robots.is_smooth) errors.take(robots, along);
+  }
+  errors.expect_small();
+  EXPECT_GE(errors.used, 5);
 }
 
 /// <bar, d(solution)> pushed forward is <gradient, d(problem)> pulled back.

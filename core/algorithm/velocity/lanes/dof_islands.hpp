@@ -4,6 +4,16 @@
 
 namespace stiction::inline STICTION_ISA {
 
+/// f(i) for all i < count with numbers[i] != 0.
+template <class Real, class F>
+STICTION_HD void for_each_nonzero(const Real* numbers, Index count, F&& f) {
+  constexpr Index kWord = SetTraits<DofSet>::kMost;
+  for (Index from = 0; from < count; from += kWord) {
+    const Index rest = count - from;
+    for_each_dof(nonzero_of(numbers + from, rest < kWord ? rest : kWord), [&](Index i) { f(from + i); });
+  }
+}
+
 /// The parts of an environment that neither M nor a cone couples. Each is a separate problem, so that environments of
 /// more degrees of freedom than a lane takes can be solved part by part. Examples are robots beside one another, or
 /// stones.
@@ -68,15 +78,6 @@ class DofIslands {
     a = root(a);
     b = root(b);
     parent_[a < b ? b : a] = a < b ? a : b;
-  }
-  /// f(i) for all i < count with numbers[i] != 0.
-  template <class F>
-  static STICTION_HD void for_each_nonzero(const Real* numbers, Index count, F&& f) {
-    constexpr Index kWord = SetTraits<DofSet>::kMost;
-    for (Index from = 0; from < count; from += kWord) {
-      const Index rest = count - from;
-      for_each_dof(nonzero_of(numbers + from, rest < kWord ? rest : kWord), [&](Index i) { f(from + i); });
-    }
   }
 
   /// Joins the degrees of freedom that M couples with ones before them.
