@@ -31,7 +31,7 @@ if(TARGET stiction_cpu_avx2)
       list(APPEND options -mavx2 -mfma)
     endif()
     set(kernels articulated.cpp shared_instances.cpp contact_derivative.cpp sequential_impulses.cpp jacobian.cpp velocity.cpp
-        jacobian_vjp.cpp velocity_blocks.cpp)
+        jacobian_pack.cpp velocity_blocks.cpp)
     list(TRANSFORM kernels PREPEND "${PROJECT_SOURCE_DIR}/cpu_fallback/kernels/")
     add_library(stiction_test_${width} OBJECT isa/pack_width.cpp ${_table} ${_sweeping} ${kernels})
     target_include_directories(stiction_test_${width} PRIVATE ${PROJECT_SOURCE_DIR} ${PROJECT_SOURCE_DIR}/core/include)

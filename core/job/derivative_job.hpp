@@ -39,7 +39,7 @@ struct JvpJob : DerivativeJob<Real> {
 };
 
 /// Result of lanes for an environment, or a part of one, that they differentiate.
-struct JacobianVjpResult {
+struct JacobianPackResult {
   double scale = 0.0;             ///< max|b| of the whole environment, where this is a part; 0: it is the whole  [w]
   double square = 0.0;            ///< of the adjoint's residual, the largest of all sets                         [-]
   double forward_residual = 0.0;  ///< relative to that scale                                                     [-]

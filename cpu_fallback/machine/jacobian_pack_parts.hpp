@@ -36,11 +36,11 @@ class JacobianPackParts {
   /// Sorted by size.
   [[nodiscard]] std::span<const LaneEnv<Real>> all() const { return parts_; }
   /// Result of each of them; to be filled.
-  [[nodiscard]] JacobianVjpResult* results() { return results_.data(); }
+  [[nodiscard]] JacobianPackResult* results() { return results_.data(); }
 
   /// Joins the results of each environment's parts, and writes down which are answered.
   void finish(std::uint8_t* answered) const {
-    std::vector<JacobianVjpResult> wholes(static_cast<std::size_t>(job_.assembly.batch.env_count));
+    std::vector<JacobianPackResult> wholes(static_cast<std::size_t>(job_.assembly.batch.env_count));
     for (std::size_t i = 0; i < parts_.size(); ++i) {
       answered[parts_[i].env] = 1;
       join(wholes[static_cast<std::size_t>(parts_[i].env)], results_[i]);
@@ -52,7 +52,7 @@ class JacobianPackParts {
  private:
   const Job& job_;
   std::vector<LaneEnv<Real>> parts_;
-  std::vector<JacobianVjpResult> results_;
+  std::vector<JacobianPackResult> results_;
   LargeParts<Real> islands_;
 };
 

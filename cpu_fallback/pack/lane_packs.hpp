@@ -1,6 +1,6 @@
 #pragma once
 
-#include "core/algorithm/derivative/jacobian_vjp_workspace.hpp"
+#include "core/algorithm/derivative/jacobian_pack_workspace.hpp"
 #include "core/algorithm/velocity/solve_pack.hpp"
 #include "cpu_fallback/pack/alike.hpp"
 #include "cpu_fallback/pack/pack_width.hpp"
@@ -23,8 +23,8 @@ struct PackMemory {
     return make<VelocityWorkspace<Types>>(counts, lists.tree->dofs, lists.tree->entries);
   }
   template <class Lists>
-  JacobianVjpWorkspace<Types> jacobian_vjp_numbers(const Lists& lists, const SlotCounts& counts) const {
-    return make<JacobianVjpWorkspace<Types>>(counts, lists.tree->dofs, lists.tree->entries);
+  JacobianPackWorkspace<Types> jacobian_pack_numbers(const Lists& lists, const SlotCounts& counts) const {
+    return make<JacobianPackWorkspace<Types>>(counts, lists.tree->dofs, lists.tree->entries);
   }
 
  private:

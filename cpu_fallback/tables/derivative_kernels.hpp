@@ -28,7 +28,7 @@ struct ModePackKernels {
   ModePackKernel<VjpJob<Real>> vjp;
   ModePackKernel<JvpJob<Real>> jvp;
   /// Pushes environments of J and M forward that lanes take.
-  void (*jacobian_jvp)(const JacobianJvpJob<Real>& job, const LaneEnv<Real>* envs, JacobianVjpResult* results,
+  void (*jacobian_jvp)(const JacobianJvpJob<Real>& job, const LaneEnv<Real>* envs, JacobianPackResult* results,
                        Offset count, VelocityScratch& scratch) = nullptr;
 };
 

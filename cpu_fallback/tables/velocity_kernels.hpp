@@ -20,7 +20,7 @@ struct VelocityKernels {
   /// Solves environments, or parts of some, of sizes that the method takes. Packs are made of those that are alike.
   void (*solve)(const VelocityJob<Real>& job, const LaneEnv<Real>* envs, Offset count, VelocityScratch& scratch);
   /// Pulls environments back, or parts of some, that lanes take. `results` come with the scales of parts.
-  void (*vjp)(const JacobianVjpJob<Real>& job, const LaneEnv<Real>* envs, JacobianVjpResult* results, Offset count,
+  void (*vjp)(const JacobianVjpJob<Real>& job, const LaneEnv<Real>* envs, JacobianPackResult* results, Offset count,
               VelocityScratch& scratch);
 };
 

@@ -86,7 +86,7 @@ struct DerivativeKernels {
   DerivativePair exact;
   DerivativePair relaxed;
   KernelRef unrolled_vjp;  ///< pulls cotangents of sweeps to their batches
-  KernelRef vjp_lanes;     ///< before both by J and M, a lane each  (kernels/derivative_lanes_program.hpp)
+  KernelRef lanes;         ///< before both by J and M, a lane each  (kernels/derivative_lanes_program.hpp)
 };
 
 /// Worlds, in one precision (kernels/world_program.hpp).

@@ -35,9 +35,9 @@ struct DerivativeLanesProgram {
 
   /// An environment, or a part of one.
   template <class Job>
-  static STICTION_HD JacobianVjpResult derive(const Job& job, const LaneEnv<Real>& part, double scale,
-                                              const Place& place) {
-    JacobianVjpResult result;
+  static STICTION_HD JacobianPackResult derive(const Job& job, const LaneEnv<Real>& part, double scale,
+                                               const Place& place) {
+    JacobianPackResult result;
     result.scale = scale;
     if (!takes_derivative_size(part) || part.rows > place.args.largest.rows)
       result.is_answered = false;
@@ -49,11 +49,11 @@ struct DerivativeLanesProgram {
   }
 
   template <class Job>
-  static STICTION_HD_OUTLINE JacobianVjpResult derive_parts(const Job& job, Offset env, const Place& place) {
+  static STICTION_HD_OUTLINE JacobianPackResult derive_parts(const Job& job, Offset env, const Place& place) {
     const JacobianBatchView<Real>& batch = job.assembly.batch;
     DofIslands<Real> islands(batch, env, place.islands());
     islands.find();
-    JacobianVjpResult result;
+    JacobianPackResult result;
     for (Index i = 0; i < islands.count(); ++i)
       result.is_answered = result.is_answered && takes_part(job, islands.part(i));
     const double scale = free_motion(batch, env);

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "core/algorithm/derivative/jacobian_vjp_workspace.hpp"
+#include "core/algorithm/derivative/jacobian_pack_workspace.hpp"
 #include "core/algorithm/velocity/solve_pack.hpp"
 #include "core/base/extents.hpp"
 #include "cuda/api/kernel.hpp"
@@ -68,8 +68,8 @@ struct LaneMemory {
     return make<VelocityWorkspace<Types>>();
   }
   template <class Lists>
-  STICTION_HD JacobianVjpWorkspace<Types> jacobian_vjp_numbers(const Lists&, const SlotCounts&) const {
-    return make<JacobianVjpWorkspace<Types>>();
+  STICTION_HD JacobianPackWorkspace<Types> jacobian_pack_numbers(const Lists&, const SlotCounts&) const {
+    return make<JacobianPackWorkspace<Types>>();
   }
 
  private:

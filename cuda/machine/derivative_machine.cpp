@@ -85,7 +85,7 @@ const KernelRef& DeviceDerivativeMachine::unrolled_kernel(Precision precision) c
   return api_->kernels().derivative[static_cast<int>(precision)].unrolled_vjp;
 }
 const KernelRef& DeviceDerivativeMachine::lanes_kernel(Precision precision) const {
-  return api_->kernels().derivative[static_cast<int>(precision)].vjp_lanes;
+  return api_->kernels().derivative[static_cast<int>(precision)].lanes;
 }
 
 /// Memory for as many doubles. Graphs that were captured keep their memory, so that it cannot move any more.
@@ -198,7 +198,7 @@ void DeviceDerivativeMachine::queue_sweeps(const KernelRef& kernel, const Unroll
 template <class Real>
 void DeviceDerivativeMachine::add_lanes(JacobianRoom<Real>& room, const JacobianNumbers& numbers, ArraySet& set) const {
   static_cast<LaneRoom&>(room.args) =
-      lay_out_lanes<JacobianVjpWorkspace<typename DerivativeLanesProgram<Real>::Types>>(most_rows_, most_dofs_);
+      lay_out_lanes<JacobianPackWorkspace<typename DerivativeLanesProgram<Real>::Types>>(most_rows_, most_dofs_);
   room.args.islands_per_lane =
       most_dofs_ > kMostVelocityDofs ? DofIslands<Real>::integers(most_dofs_, most_rows_) : Offset{0};
   const Offset lists = kWarp * room.args.lists_per_lane, islands = kWarp * room.args.islands_per_lane;

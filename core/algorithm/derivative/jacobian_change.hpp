@@ -1,7 +1,7 @@
 #pragma once
 
 #include "core/algorithm/derivative/jacobian_pack_limits.hpp"
-#include "core/algorithm/derivative/jacobian_vjp_workspace.hpp"
+#include "core/algorithm/derivative/jacobian_pack_workspace.hpp"
 #include "core/algorithm/derivative/vjp.hpp"
 #include "core/algorithm/velocity/lanes/lane_env.hpp"
 
@@ -14,7 +14,7 @@ struct LaneChange {
   using Real = typename Types::Real;
   const JacobianJvpJob<Real>& job;
   const LaneEnv<Real>& env;
-  const JacobianVjpWorkspace<Types>& workspace;
+  const JacobianPackWorkspace<Types>& workspace;
   Offset set;
   int lane;
 

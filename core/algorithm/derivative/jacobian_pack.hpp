@@ -32,7 +32,7 @@ class JacobianPack {
 
   STICTION_HD JacobianPack(const Job& job, const LaneEnv<Real> (&envs)[kLanes], const TreeOf<Types>& tree,
                            const SlotOf<Types>* slots, const SlotCounts& counts,
-                           const JacobianVjpWorkspace<Types>& workspace, JacobianVjpResult* results)
+                           const JacobianPackWorkspace<Types>& workspace, JacobianPackResult* results)
       : job_(job), envs_(envs), tree_(tree), slots_(slots), counts_(counts), workspace_(workspace), results_(results) {}
 
   STICTION_HD_OUTLINE void run() {
@@ -107,7 +107,7 @@ class JacobianPack {
     const auto found = half.find_slopes(Double(job_.contact.tie_tolerance) * scale);
     definite = and_(definite, half.factor_system());
     for (int l = 0; l < Types::kDoubleLanes; ++l) {
-      JacobianVjpResult& lane = lanes_[part.first + l];
+      JacobianPackResult& lane = lanes_[part.first + l];
       lane.forward_residual =
           div_(div_(sqrt_(lane_of(evaluated.square, l)), lane_of(part.array(workspace_.error_unit)[0], l)),
                max_(lane_of(error_scale, l), 1e-300));
@@ -207,7 +207,7 @@ class JacobianPack {
     for (Index row = 0; row < counts_.rows; ++row)
       nothing = fma_(half.array(workspace_.nu)[row] + half.array(workspace_.image)[row], Double(0), nothing);
     for (int l = 0; l < Types::kDoubleLanes; ++l) {
-      JacobianVjpResult& lane = lanes_[half.part.first + l];
+      JacobianPackResult& lane = lanes_[half.part.first + l];
       const double own = lane_of(square, l);
       lane.is_answered = lane.is_answered && own <= kMostAdjointSquare && lane_of(nothing, l) == 0.0;
       lane.square = max_(own, lane.square);
@@ -264,21 +264,21 @@ class JacobianPack {
   const TreeOf<Types>& tree_;
   const SlotOf<Types>* slots_;
   const SlotCounts& counts_;
-  const JacobianVjpWorkspace<Types>& workspace_;
-  JacobianVjpResult lanes_[kLanes];
-  JacobianVjpResult* results_;
+  const JacobianPackWorkspace<Types>& workspace_;
+  JacobianPackResult lanes_[kLanes];
+  JacobianPackResult* results_;
 };
 
 /// Differentiates up to kLanes environments, or parts of some, that lanes take. The outcome of each is in `results`,
 /// which come with the scales of parts. Memory as in solve_pack().
 template <class Types, class Job, class Memory>
 STICTION_HD_OUTLINE void jacobian_pack(const Job& job, const LaneEnv<typename Types::Real>* members,
-                                       JacobianVjpResult* results, Index count, Memory&& memory,
+                                       JacobianPackResult* results, Index count, Memory&& memory,
                                        ListedCones<Types> listed = nullptr) {
   const bool fits = with_pack<Types>(
       job.assembly.batch, members, count, memory,
       [&](const auto& envs, const auto& lists, const auto& counts) {
-        const JacobianVjpWorkspace<Types> workspace = memory.jacobian_vjp_numbers(lists, counts);
+        const JacobianPackWorkspace<Types> workspace = memory.jacobian_pack_numbers(lists, counts);
         JacobianPack<Types, Job>(job, envs, *lists.tree, lists.slots, counts, workspace, results).run();
       },
       listed);

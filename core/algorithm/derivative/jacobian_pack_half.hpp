@@ -1,6 +1,6 @@
 #pragma once
 
-#include "core/algorithm/derivative/jacobian_vjp_workspace.hpp"
+#include "core/algorithm/derivative/jacobian_pack_workspace.hpp"
 #include "core/algorithm/derivative/reaction_slope.hpp"
 #include "core/algorithm/velocity/evaluate/evaluate_pack.hpp"
 #include "core/algorithm/velocity/iterate/hessian_rows.hpp"
@@ -15,7 +15,7 @@ struct JacobianPackHalf {
   using Double = typename Types::Double;
   using Doubles = typename Types::Doubles;
   using Value = Double;
-  const JacobianVjpWorkspace<Types>& workspace;
+  const JacobianPackWorkspace<Types>& workspace;
   const DoublePack<Types> part;
   const TreeOf<Types>& tree = part.tree;
   const SlotOf<Types>* slots = part.slots;

@@ -87,7 +87,7 @@ STICTION_HD double free_motion(const JacobianBatchView<Real>& batch, Offset env)
 }
 
 /// Takes a part in.
-STICTION_HD void join(JacobianVjpResult& whole, const JacobianVjpResult& part) {
+STICTION_HD void join(JacobianPackResult& whole, const JacobianPackResult& part) {
   whole.square = max_(part.square, whole.square);
   whole.forward_residual = max_(part.forward_residual, whole.forward_residual);
   whole.unknowns += part.unknowns;
@@ -97,7 +97,7 @@ STICTION_HD void join(JacobianVjpResult& whole, const JacobianVjpResult& part) {
 
 /// Writes down whether an environment is answered, and its record if it is.
 template <class Job>
-STICTION_HD void finish(const Job& job, std::uint8_t* answered, Offset env, const JacobianVjpResult& found) {
+STICTION_HD void finish(const Job& job, std::uint8_t* answered, Offset env, const JacobianPackResult& found) {
   const bool is_answered = found.is_answered && found.unknowns <= job.contact.max_unknowns;
   answered[env] = is_answered ? 1 : 0;
   if (!is_answered) return;

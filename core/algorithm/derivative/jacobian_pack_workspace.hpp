@@ -6,7 +6,7 @@ namespace stiction::inline STICTION_ISA {
 
 /// Scratch of a pack whose environments are differentiated: that of a solve, and more in double.
 template <class Types>
-struct JacobianVjpWorkspace : VelocityWorkspace<Types> {
+struct JacobianPackWorkspace : VelocityWorkspace<Types> {
   using Base = VelocityWorkspace<Types>;
   double* system;        ///< H, then its factor                                    (tree entries; lanes)
   double* system_pivot;  ///< inverse pivots of H                                   (dofs; lanes)
@@ -36,8 +36,8 @@ struct JacobianVjpWorkspace : VelocityWorkspace<Types> {
   }
 
   /// `lane`: which of kStride lanes that share the memory; 0 for a pack.
-  STICTION_HD JacobianVjpWorkspace(double* memory, const SlotCounts& counts, Index dofs, Index tree_entries,
-                                   Index lane = 0)
+  STICTION_HD JacobianPackWorkspace(double* memory, const SlotCounts& counts, Index dofs, Index tree_entries,
+                                    Index lane = 0)
       : Base(memory + own_doubles(counts, dofs, tree_entries), counts, dofs, tree_entries, lane) {
     const auto take = [&memory, lane](Offset count) {
       double* const part = memory + lane;
