@@ -13,6 +13,8 @@ inline constexpr Index kMostArticulatedRows = 8192;
 
 /// Most points of a capsule or a box on a height field.
 inline constexpr Index kMostFieldPoints = 16;
+/// Most corners of a hull's face that meets others than planes.
+inline constexpr Index kMostFaceCorners = 32;
 
 /// Share of the sum of a body's principal moments by which two differ that count as equal.
 inline constexpr double kSameMoments = 1e-13;
@@ -81,11 +83,18 @@ template <class T>
 struct ArticulatedFaceData {
   T normal[3];  ///< outward, in the geom's frame
   Index others, other[3];
+  Index begin, end;  ///< its corners among those of all hulls; the same for each of its vertices
+  Index place;       ///< of the vertex among these
 };
 
 /// Returns false for shapes that are round about their z axis, and for planes.
 constexpr bool has_three_axes(GeomKind kind) {
   return kind == GeomKind::height_field || kind >= GeomKind::cylinder;
+}
+
+/// Returns true for shapes whose contacts with others than planes are found by their support.
+constexpr bool is_general(GeomKind kind) {
+  return kind == GeomKind::cylinder || kind == GeomKind::mesh;
 }
 
 template <class T>
@@ -181,7 +190,7 @@ struct RowClass {
 template <class T>
 struct ArticulatedModelView {
   Index q_count, dof_count, actuator_count;
-  Index bodies, joints, geoms, fields, heights, vertices, faces, pairs, points, equalities, limits, losses, groups;
+  Index bodies, joints, geoms, fields, heights, vertices, faces, corners, pairs, points, equalities, limits, losses, groups;
   Index classes;
   Index most_rows;
   T step;
@@ -202,6 +211,7 @@ struct ArticulatedModelView {
   const T* height;  ///< of all fields, row by row
   const ArticulatedVertexData<T>* vertex;
   const ArticulatedFaceData<T>* face;
+  const Index* corner;  ///< vertices of faces, that turn left about the normal
   const ArticulatedPairData<T>* pair;
   const ArticulatedEqualityData<T>* equality;
   const ArticulatedLimitData<T>* limit;
@@ -236,6 +246,7 @@ void for_each_model_array(const ArticulatedModelView<T>& model, F&& f, Views&...
   f(model.heights, views.height...);
   f(model.vertices, views.vertex...);
   f(model.faces, views.face...);
+  f(model.corners, views.corner...);
   f(model.pairs, views.pair...);
   f(model.equalities, views.equality...);
   f(model.limits, views.limit...);

@@ -85,10 +85,3 @@ def test_a_hull_steps_as_in_mujoco_and_comes_to_rest(shape):
     resting = lanes(model, [data[i] for i in range(1, 24, 2)], tolerance=1e-8)
     resting.step(nstep=3000)
     assert resting.solved.all() and np.abs(resting.qvel).max() < 0.05
-
-
-def test_meshes_touch_planes_alone():
-    text = """<mujoco><asset><mesh name="m" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/></asset><worldbody><geom size=".1" pos="1 0 0"/>
-<body><freejoint/><geom type="mesh" mesh="m"/></body></worldbody></mujoco>"""
-    with pytest.raises(ValueError, match="a cylinder or mesh and something that is no plane"):
-        lanes(mujoco.MjModel.from_xml_string(text), 1)

@@ -145,9 +145,3 @@ def test_a_cylinder_comes_to_rest_on_its_end_as_in_mujoco():
     step_beside(simulation, model, data, 1, 1e-9)
     simulation.step(nstep=2000)
     assert simulation.solved.all() and np.abs(simulation.qvel).max() < 0.01
-
-
-def test_cylinders_touch_planes_alone():
-    text = CYLINDER.format(margin=0, gap=0).replace("</worldbody>", '<geom size=".1" pos="1 0 0"/></worldbody>')
-    with pytest.raises(ValueError, match="a cylinder or mesh and something that is no plane"):
-        lanes(mujoco.MjModel.from_xml_string(text), 1)

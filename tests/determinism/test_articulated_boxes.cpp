@@ -1,9 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <cstdint>
-#include <set>
 #include <utility>
-#include <vector>
 
 #include "stiction/articulated.hpp"
 #include "tests/support/error_message.hpp"
@@ -32,20 +30,7 @@ TEST(ArticulatedBoxes, InstructionSetsAndThreadsChangeNoBit) {
 TEST(ArticulatedBoxes, EveryPairTouchesSomewhere) {
   ArticulatedBatch<double> robots(heap(), kEnvs, {1e-5, 100, 1});
   for (std::size_t k = 0; k < robots.qvel().size(); ++k) robots.qvel()[k] = number(k);
-  const ArticulatedDescription model = heap();
-  std::set<std::pair<GeomKind, GeomKind>> touched;
-  for (int round = 0; round < 10; ++round) {
-    robots.step(20);
-    const ArticulatedProbe probe = robots.probe();
-    for (std::size_t env = 0; env < static_cast<std::size_t>(kEnvs); ++env)
-      for (Index k = 0; k < probe.contacts[env]; ++k) {
-        const auto at = env * static_cast<std::size_t>(probe.most_contacts) + static_cast<std::size_t>(k);
-        const ArticulatedPair& pair = model.pairs[static_cast<std::size_t>(probe.pair[at])];
-        const auto kind = [&](Index g) { return model.geoms[static_cast<std::size_t>(g)].kind; };
-        touched.emplace(kind(pair.geom_a), kind(pair.geom_b));
-      }
-  }
-  EXPECT_EQ(touched.size(), 5U);  // one sphere, two of the others
+  EXPECT_EQ(touching_kinds(robots, heap()).size(), 5U);  // one sphere, two of the others
 }
 
 TEST(ArticulatedBoxes, ARobotThatIsNotFiniteStaysAlone) {

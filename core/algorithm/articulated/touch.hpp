@@ -1,6 +1,7 @@
 #pragma once
 
 #include "core/algorithm/articulated/boxes/touch_lanes.hpp"
+#include "core/algorithm/articulated/convex/touch_convex.hpp"
 #include "core/algorithm/articulated/fields/touch_field.hpp"
 #include "core/algorithm/articulated/touch_hull.hpp"
 #include "core/algorithm/articulated/workspace.hpp"
@@ -166,6 +167,14 @@ STICTION_HD void touch_box(const Robots<Real, kStride>& robots, const Articulate
   if (any(near)) touch_box_by_lane(robots, pair, near);
 }
 
+/// A hull or a cylinder, and all but a plane or a height field.
+template <class Real, int kStride, class T>
+STICTION_HD void touch_convex(const Robots<Real, kStride>& robots, const ArticulatedPairData<T>& pair) {
+  for (Index k = 0; k < pair.points; ++k) robots.work.is_point[pair.first + k] = 0;
+  const auto near = are_near(robots, pair);
+  if (any(near)) touch_convex_by_lane(robots, pair, near);
+}
+
 /// A height field and something round, or a box. Returns a bit for each lane that had more points than places.
 template <class Real, int kStride, class T>
 STICTION_HD unsigned touch_field(const Robots<Real, kStride>& robots, const ArticulatedPairData<T>& pair) {
@@ -187,6 +196,8 @@ STICTION_HD_OUTLINE unsigned find_points(const Robots<Real, kStride>& robots) {
       touch_ground(robots, pair);
     } else if (model.geom[pair.geom_a].kind == GeomKind::height_field) {
       full |= touch_field(robots, pair);
+    } else if (is_general(model.geom[pair.geom_a].kind) || is_general(model.geom[pair.geom_b].kind)) {
+      touch_convex(robots, pair);
     } else if (model.geom[pair.geom_b].kind == GeomKind::box) {
       touch_box(robots, pair);
     } else {

@@ -7,20 +7,25 @@
 /// Points that are found lane by lane: their choices branch too much for vectors.
 namespace stiction::inline STICTION_ISA {
 
+/// One lane's axes of a geom: all of them are z of one that is round about it.
+template <class Real, int kStride>
+STICTION_HD Axes3<Scalar<Real>> axes_in(const Robots<Real, kStride>& robots, Index g, int lane) {
+  const Axes3<Real>& axes = robots.work.geom_axes[g];
+  const bool has_axes = has_three_axes(robots.model.geom[g].kind);
+  const Vector3<Scalar<Real>> z = vector_in(axes.z, lane);
+  return {has_axes ? vector_in(axes.x, lane) : z, has_axes ? vector_in(axes.y, lane) : z, z};
+}
+
 /// One lane's shape, placed. A height field has the place of its frame.
 template <class Real, int kStride>
 STICTION_HD PlacedShape<Scalar<Real>> shape_in(const Robots<Real, kStride>& robots, Index g, int lane) {
-  using T = Scalar<Real>;
   const auto& geom = robots.model.geom[g];
-  const Axes3<Real>& axes = robots.work.geom_axes[g];
-  const bool has_axes = has_three_axes(geom.kind);
-  const ShapeKind kind = has_axes                         ? ShapeKind::box
+  const ShapeKind kind = has_three_axes(geom.kind)        ? ShapeKind::box
                          : geom.kind == GeomKind::capsule ? ShapeKind::capsule
                                                           : ShapeKind::sphere;
-  const Vector3<T> z = vector_in(axes.z, lane);
   return {kind,
           vector_in(robots.work.geom_position[g], lane),
-          {has_axes ? vector_in(axes.x, lane) : z, has_axes ? vector_in(axes.y, lane) : z, z},
+          axes_in(robots, g, lane),
           {geom.size[0], geom.size[1], geom.size[2]}};
 }
 

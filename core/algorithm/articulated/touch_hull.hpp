@@ -72,7 +72,7 @@ STICTION_HD void touch_hull(const Robots<Real, kStride>& robots, const Articulat
     const HullOnPlane<T> own{model,
                              pair,
                              vector_in(robots.work.geom_position[pair.geom_b], lane),
-                             {vector_in(axes.x, lane), vector_in(axes.y, lane), vector_in(axes.z, lane)},
+                             axes_in(robots, pair.geom_b, lane),
                              vector_in(down, lane),
                              number_in(height, lane)};
     return own.points(geom.hull_begin + static_cast<Index>(number_in(number, lane)));

@@ -28,9 +28,9 @@ enum class GeomKind : std::uint8_t {
   height_field = 1,  ///< likewise; against spheres, capsules and boxes
   sphere = 2,        ///< size[0] radius
   capsule = 3,       ///< size[0] radius, size[1] half length along its z axis
-  cylinder = 5,      ///< the same; against planes alone
+  cylinder = 5,      ///< the same; not on height fields
   box = 6,           ///< size: half extents
-  mesh = 7,          ///< a convex hull; against planes alone
+  mesh = 7,          ///< a convex hull; not on height fields
 };
 
 /// How far a row gives: MuJoCo's solref and solimp (MuJoCo documentation, "Solver parameters"). The exponent in

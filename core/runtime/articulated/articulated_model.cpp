@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "core/base/extents.hpp"
+#include "core/runtime/articulated/ground_plane.hpp"
 #include "core/runtime/articulated/hull_faces.hpp"
 #include "core/runtime/articulated/implicit_forces.hpp"
 #include "core/runtime/articulated/observed_arrays.hpp"
@@ -18,15 +19,6 @@
 namespace stiction {
 
 namespace {
-
-using Matrix3 = std::array<double, 9>;  ///< columns
-
-Matrix3 axes_from(const std::array<double, 4>& q) {
-  const double w = q[0], x = q[1], y = q[2], z = q[3];
-  return {1 - 2 * (y * y + z * z), 2 * (x * y + w * z),     2 * (x * z - w * y),
-          2 * (x * y - w * z),     1 - 2 * (x * x + z * z), 2 * (y * z + w * x),
-          2 * (x * z + w * y),     2 * (y * z - w * x),     1 - 2 * (x * x + y * y)};
-}
 
 template <class T, std::size_t kCount>
 void put(T (&to)[kCount], const std::array<double, kCount>& from) {
@@ -220,7 +212,7 @@ void ArticulatedModel<T>::add_pairs(const ArticulatedDescription& from) {
     put(to.position, one.position);
     put(to.axes, axes_from(one.orientation));
     to.field = one.field;
-    add_hull(from, one, to, vertices_, faces_);
+    add_hull(from, one, to, vertices_, faces_, corners_);
     geoms_.push_back(to);
   }
   for (const ArticulatedHeightField& one : from.fields) {
@@ -243,22 +235,9 @@ void ArticulatedModel<T>::add_pairs(const ArticulatedDescription& from) {
     to.points = points_of(a, b);
     view_.points += to.points;
     if (a.kind == GeomKind::plane) {
-      // Its body never moves, and neither do those before it.
-      Matrix3 axes = axes_from(a.orientation);
-      std::array<double, 3> normal{axes[6], axes[7], axes[8]}, place = a.position;
-      for (Index body = a.body; body > 0; body = from.bodies[at(body)].parent) {
-        const Matrix3 own = axes_from(from.bodies[at(body)].orientation);
-        const auto turn = [&](const std::array<double, 3>& v) {
-          return std::array<double, 3>{own[0] * v[0] + own[3] * v[1] + own[6] * v[2],
-                                       own[1] * v[0] + own[4] * v[1] + own[7] * v[2],
-                                       own[2] * v[0] + own[5] * v[1] + own[8] * v[2]};
-        };
-        normal = turn(normal);
-        place = turn(place);
-        for (std::size_t k = 0; k < 3; ++k) place[k] += from.bodies[at(body)].position[k];
-      }
-      put(to.normal, normal);
-      to.offset = static_cast<T>(normal[0] * place[0] + normal[1] * place[1] + normal[2] * place[2]);
+      const GroundPlane ground = ground_plane(from, a);
+      put(to.normal, ground.normal);
+      to.offset = static_cast<T>(ground.offset);
     }
     to.margin = static_cast<T>(one.margin);
     to.reach = static_cast<T>(one.reach);
@@ -382,6 +361,7 @@ ArticulatedModelView<T> ArticulatedModel<T>::view() const {
   put_array(view.heights, view.height, heights_);
   put_array(view.vertices, view.vertex, vertices_);
   put_array(view.faces, view.face, faces_);
+  put_array(view.corners, view.corner, corners_);
   put_array(view.pairs, view.pair, pairs_);
   put_array(view.equalities, view.equality, equalities_);
   put_array(view.limits, view.limit, limits_);

@@ -43,6 +43,7 @@ class ArticulatedModel {
   std::vector<T> heights_;  ///< of all fields
   std::vector<ArticulatedVertexData<T>> vertices_;
   std::vector<ArticulatedFaceData<T>> faces_;
+  std::vector<Index> corners_;
   std::vector<ArticulatedPairData<T>> pairs_;
   std::vector<ArticulatedEqualityData<T>> equalities_;
   std::vector<ArticulatedLimitData<T>> limits_;

@@ -224,9 +224,11 @@ void check_pairs(const ArticulatedDescription& model) {
     if (!is_ground && (a.kind == GeomKind::plane || b.kind == GeomKind::plane))
       refuse_model("pairs[" + std::to_string(i) +
                    "]: planes touch everything but planes in lanes, and stand still: give the plane first");
-    for (const GeomKind kind : {a.kind, b.kind})
-      if (!is_ground && (kind == GeomKind::cylinder || kind == GeomKind::mesh))
-        refuse_model("pairs[" + std::to_string(i) + "]: cylinders and meshes touch planes alone in lanes");
+    for (const ArticulatedGeom& geom : {a, b})
+      if (!is_ground && geom.kind == GeomKind::mesh && most_corners(model.hulls[at(geom.hull)]) > kMostFaceCorners)
+        refuse_model("pairs[" + std::to_string(i) + "]: a face of hulls[" + std::to_string(geom.hull) + "] has " +
+                     std::to_string(most_corners(model.hulls[at(geom.hull)])) + " corners: up to " +
+                     std::to_string(kMostFaceCorners) + " touch others than planes in lanes; give fewer");
     if (a.kind > b.kind) refuse("pairs[" + std::to_string(i) + "]: kinds of geoms must ascend: swap geom_a and geom_b");
     if (pair.dim != 1 && pair.dim != 3 && pair.dim != 4 && pair.dim != 6)
       refuse(place_of("pairs", i, "dim") + " = " + std::to_string(pair.dim) + ": must be 1, 3, 4 or 6");

@@ -58,14 +58,26 @@ inline HullPoint area_of(const ArticulatedHull& hull, std::size_t face) {
   return sum;
 }
 
+inline Index most_corners(const ArticulatedHull& hull) {
+  Index most = 0;
+  for (std::size_t face = 0; face + 1 < hull.face_begin.size(); ++face) {
+    const Index count = hull.face_begin[face + 1] - hull.face_begin[face];
+    if (count > most) most = count;
+  }
+  return most;
+}
+
+inline double along(const HullPoint& a, const HullPoint& b) {
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
 /// The unit normal of a face, away from the middle of its hull.
 inline HullPoint outward_normal(const ArticulatedHull& hull, std::size_t face) {
   HullPoint middle{}, normal = area_of(hull, face);
   for (const HullPoint& v : hull.vertices)
     for (std::size_t k = 0; k < 3; ++k) middle[k] += v[k] / static_cast<double>(hull.vertices.size());
   const HullPoint out = between(middle, hull.vertices[at(hull.corners[at(hull.face_begin[face])])]);
-  const double side = out[0] * normal[0] + out[1] * normal[1] + out[2] * normal[2];
-  const double length = length_of(normal) * (side < 0 ? -1 : 1);
+  const double length = length_of(normal) * (along(out, normal) < 0 ? -1 : 1);
   for (double& x : normal) x /= length;
   return normal;
 }
@@ -73,7 +85,8 @@ inline HullPoint outward_normal(const ArticulatedHull& hull, std::size_t face) {
 /// Adds the hull of a geom that is a mesh to those of all geoms.
 template <class T>
 void add_hull(const ArticulatedDescription& from, const ArticulatedGeom& geom, ArticulatedGeomData<T>& to,
-              std::vector<ArticulatedVertexData<T>>& vertices, std::vector<ArticulatedFaceData<T>>& faces) {
+              std::vector<ArticulatedVertexData<T>>& vertices, std::vector<ArticulatedFaceData<T>>& faces,
+              std::vector<Index>& corners) {
   to.hull_begin = to.hull_end = static_cast<Index>(vertices.size());
   if (geom.kind != GeomKind::mesh) return;
   const ArticulatedHull& hull = from.hulls[at(geom.hull)];
@@ -81,13 +94,21 @@ void add_hull(const ArticulatedDescription& from, const ArticulatedGeom& geom, A
   for (std::size_t face = 0; face + 1 < hull.face_begin.size(); ++face) {
     const HullPoint normal = outward_normal(hull, face);
     const auto count = at(hull.face_begin[face + 1] - hull.face_begin[face]);
+    const auto begin = static_cast<Index>(corners.size());
+    const bool turns_back = along(area_of(hull, face), normal) < 0;  // corners turn left about the normal here
+    const auto place_of_corner = [&](std::size_t k) { return turns_back ? count - 1 - k : k; };
     for (std::size_t k = 0; k < count; ++k) {
-      const std::vector<Index> corners = standing_corners(hull, face, k);
+      const std::vector<Index> standing = standing_corners(hull, face, k);
       ArticulatedFaceData<T> own{};
       for (std::size_t i = 0; i < 3; ++i) own.normal[i] = static_cast<T>(normal[i]);
-      for (std::size_t i = 1; i < corners.size(); ++i) own.other[own.others++] = to.hull_begin + corners[i];
-      of_vertex[at(corners[0])].push_back(own);
+      for (std::size_t i = 1; i < standing.size(); ++i) own.other[own.others++] = to.hull_begin + standing[i];
+      own.begin = begin;
+      own.end = begin + static_cast<Index>(count);
+      own.place = begin + static_cast<Index>(place_of_corner(k));
+      of_vertex[at(standing[0])].push_back(own);
     }
+    for (std::size_t k = 0; k < count; ++k)
+      corners.push_back(to.hull_begin + hull.corners[at(hull.face_begin[face]) + place_of_corner(k)]);
   }
   for (std::size_t v = 0; v < hull.vertices.size(); ++v) {
     ArticulatedVertexData<T> own{};

@@ -39,8 +39,8 @@ inline double height_of(const ArticulatedDescription& model, const ArticulatedGe
 inline Index points_of(const ArticulatedGeom& a, const ArticulatedGeom& b) {
   if (a.kind == GeomKind::height_field) return b.kind == GeomKind::sphere ? kMostFieldPoints / 2 : kMostFieldPoints;
   if (a.kind == GeomKind::sphere || b.kind == GeomKind::sphere) return 1;
-  if (b.kind == GeomKind::cylinder || b.kind == GeomKind::mesh) return 4;
-  return a.kind == GeomKind::capsule || b.kind == GeomKind::capsule ? 2 : 8;
+  if (a.kind == GeomKind::capsule || b.kind == GeomKind::capsule) return 2;
+  return is_general(a.kind) || is_general(b.kind) ? 4 : 8;
 }
 
 }  // namespace stiction

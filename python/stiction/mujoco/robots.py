@@ -249,8 +249,12 @@ def _add_contacts(to, model):
         kinds = sorted((int(model.geom_type[a]), int(model.geom_type[b])))
         if any(kind not in _SHAPES for kind in kinds):
             _refuse(f"contacts of geoms {a} and {b}, which are not both planes, height fields, spheres, capsules, cylinders, boxes or meshes")
+        if (_CYLINDER in kinds or _MESH in kinds) and kinds[0] == _FIELD:
+            _refuse(f"contacts of geoms {a} and {b}, a cylinder or mesh and a height field")
         if (_CYLINDER in kinds or _MESH in kinds) and kinds[0] != _PLANE:
-            _refuse(f"contacts of geoms {a} and {b}, a cylinder or mesh and something that is no plane")
+            for flag in ("NATIVECCD", "MULTICCD"):
+                if is_disabled(model, flag):
+                    _refuse(f"contacts of geoms {a} and {b} with {flag.lower()} disabled")
         if _FIELD in kinds and model.body_weldid[model.geom_bodyid[a if model.geom_type[a] == _FIELD else b]]:
             _refuse(f"contacts of geoms {a} and {b}, a height field on a body that moves")
     used = sorted({g for a, b, _ in pairs for g in (a, b)})

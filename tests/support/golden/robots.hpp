@@ -2,6 +2,7 @@
 
 #include <span>
 #include <string>
+#include <utility>
 
 #include "tests/support/golden/case.hpp"
 #include "tests/support/systems/hulls.hpp"
@@ -15,6 +16,21 @@ inline ArticulatedDescription walker_and_crate(bool is_elliptic) {
   add_free_body(model, GeomKind::box, {.2, .1, .15}, {1, 0, 0.3});
   model.pairs.back().margin = model.pairs.back().reach = 0;
   model.is_implicit_fast = true;
+  return model;
+}
+
+/// A walker beside a box, on which a prism lies, and a cylinder on that.
+inline ArticulatedDescription walker_and_stack(bool is_elliptic) {
+  ArticulatedDescription model = walker_and_crate(is_elliptic);
+  const auto crate = static_cast<Index>(model.geoms.size()) - 1;
+  add_free_prism(model, {1.05, 0, .59});
+  add_free_body(model, GeomKind::cylinder, {.1, .08}, {1, 0, .78});
+  ArticulatedPair pair = model.pairs.back();
+  for (const auto& [a, b] : {std::pair{crate, crate + 1}, std::pair{crate + 2, crate + 1}}) {
+    pair.geom_a = a;
+    pair.geom_b = b;
+    model.pairs.push_back(pair);
+  }
   return model;
 }
 
@@ -49,6 +65,7 @@ inline void add_robot_goldens(GoldenCases& cases) {
     add("varied", walker(is_elliptic), true);
     add("height field", rough_walk(is_elliptic), false);
     add("hull", walker_and_prism(is_elliptic), false);
+    add("convex", walker_and_stack(is_elliptic), false);
   }
 }
 
