@@ -190,7 +190,8 @@ struct RowClass {
 template <class T>
 struct ArticulatedModelView {
   Index q_count, dof_count, actuator_count;
-  Index bodies, joints, geoms, fields, heights, vertices, faces, corners, pairs, points, equalities, limits, losses, groups;
+  Index bodies, joints, geoms, fields, heights, vertices, faces, corners, pairs, points, equalities, limits, losses,
+      groups;
   Index classes;
   Index most_rows;
   T step;

@@ -3,34 +3,21 @@
 import numpy as np
 import pytest
 from lanes_models import compare_contacts_and_rows, mujoco, step_beside
+from lanes_pairs import MESHES, assets
 
 import stiction.mujoco
 
 COUNT = 120
-SHAPES = ("stone", "prism", "block")
 
 
 def lanes(model, data, **options):
     return stiction.mujoco.BatchedSimulation(model, data, engine="lanes", **options)
 
 
-def corners_of(shape):
-    """Vertices of a mesh: one of triangles, one whose ends have nine corners, and a box, which is of two sizes."""
-    rng = np.random.default_rng(11)
-    if shape == "stone":
-        return rng.standard_normal((24, 3)) * [.1, .08, .05]
-    if shape == "block":
-        return np.array([[x, y, z] for x in (-.1, .1) for y in (-.2, .2) for z in (-.05, .05)])
-    angles = np.sort(rng.uniform(0, 2 * np.pi, 9))
-    ring = .1 * np.stack([np.cos(angles), np.sin(angles)], 1)
-    return np.concatenate([np.c_[ring, np.full(9, z)] for z in (-.03, .04)])
-
-
 def meshes(shape, margin=0.004, gap=0.003, count=COUNT):
     """A model of that mesh and another one, and data with both near a tilted plane: at random, or flat but for 0.001."""
-    assets = "".join(f'<mesh name="{name}" vertex="{" ".join(f"{x:.9g}" for x in corners_of(name).ravel())}"/>' for name in SHAPES)
     model = mujoco.MjModel.from_xml_string(f"""
-<mujoco><option timestep="0.002"/><asset>{assets}</asset><worldbody>
+<mujoco><option timestep="0.002"/>{assets()}<worldbody>
 <geom type="plane" size="0 0 1" euler="6 -4 20" margin="{margin}" gap="{gap}"/>
 <body name="one"><freejoint/><geom type="mesh" mesh="{shape}" pos=".02 0 .01" euler="0 10 0"/></body>
 <body name="other" pos="2 0 0"><freejoint/><geom type="mesh" mesh="stone"/></body>
@@ -56,7 +43,7 @@ def meshes(shape, margin=0.004, gap=0.003, count=COUNT):
 
 
 @pytest.mark.parametrize("margin, gap", [(0.004, 0.003), (0.0, 0.0), (0.2, 0.0)])
-@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("shape", MESHES)
 def test_contacts_of_hulls_with_planes_are_mujocos(shape, margin, gap):
     model, data = meshes(shape, margin, gap)
     found = lanes(model, data).probe()
@@ -66,7 +53,7 @@ def test_contacts_of_hulls_with_planes_are_mujocos(shape, margin, gap):
     assert counts.max() >= (6 if shape == "stone" else 7) and (margin > .1 or len(set(counts.tolist())) >= 4)
 
 
-@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("shape", MESHES)
 def test_contacts_of_hulls_in_single_precision_are_near(shape):
     model, data = meshes(shape)
     narrow, wide = (lanes(model, data, dtype=dtype).probe() for dtype in ("float32", "float64"))
@@ -76,7 +63,7 @@ def test_contacts_of_hulls_in_single_precision_are_near(shape):
     assert np.mean(near) > 0.97  # others have vertices at one height but for rounding
 
 
-@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("shape", MESHES)
 def test_a_hull_steps_as_in_mujoco_and_comes_to_rest(shape):
     model, data = meshes(shape, 0.0, 0.0, 24)
     simulation = lanes(model, data, tolerance=1e-10)

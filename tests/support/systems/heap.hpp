@@ -9,7 +9,8 @@
 namespace stiction::test {
 
 /// Free bodies over a table, each of which may touch all others. All that are meshes have that hull.
-inline ArticulatedDescription heap_of(const std::vector<GeomKind>& kinds, const std::vector<ArticulatedHull>& hulls = {}) {
+inline ArticulatedDescription heap_of(const std::vector<GeomKind>& kinds,
+                                      const std::vector<ArticulatedHull>& hulls = {}) {
   ArticulatedDescription model;
   model.hulls = hulls;
   model.timestep = 0.004;

@@ -22,8 +22,8 @@ STICTION_HD_OUTLINE FourOf spanning_four(const ConvexPolygon<T>& polygon) {
   FourOf now{{0, 1, 2, 3}}, best = now;
   const auto area = [&](const FourOf& four) {
     const auto& corner = polygon.corner;
-    const Vector3<T> n = cross(subtract(corner[four.at[0]], corner[four.at[2]]),
-                               subtract(corner[four.at[1]], corner[four.at[3]]));
+    const Vector3<T> n =
+        cross(subtract(corner[four.at[0]], corner[four.at[2]]), subtract(corner[four.at[1]], corner[four.at[3]]));
     return dot(n, n);
   };
   T most = area(now);
@@ -38,8 +38,10 @@ STICTION_HD_OUTLINE FourOf spanning_four(const ConvexPolygon<T>& polygon) {
   };
   for (; now.at[0] < count; ++now.at[0]) {
     while (goes_on(3)) {
-      while (goes_on(2)) {}
-      while (goes_on(1)) {}
+      while (goes_on(2)) {
+      }
+      while (goes_on(1)) {
+      }
     }
     for (Index k = 1; k < 4 && now.at[k] == now.at[k - 1]; ++k) now.at[k] = next(now.at[k]);
   }

@@ -117,7 +117,7 @@ class GrowingPolytope {
     face.corner[0] = static_cast<std::uint8_t>(i);
     face.corner[1] = static_cast<std::uint8_t>(j);
     face.corner[2] = static_cast<std::uint8_t>(k);
-    constexpr T kFlat = ConvexRounding<T>::kIsDouble ? T(1e-7) : T(1e-3);  // of a sine
+    constexpr T kFlat = ConvexRounding<T>::kIsDouble ? T(1e-7) : T(1e-4);  // of a sine
     const Vector3<T> at = place(i), u = subtract(place(j), at), v = subtract(place(k), at), n = cross(u, v);
     const T size = length(n);
     const bool has_area = size > kFlat * max_(dot(u, u), dot(v, v));

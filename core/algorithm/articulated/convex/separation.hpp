@@ -8,10 +8,10 @@ namespace stiction::inline STICTION_ISA {
 template <class T>
 struct ConvexRounding {
   static constexpr bool kIsDouble = sizeof(T) == sizeof(double);
-  static constexpr T kTouching = kIsDouble ? T(1e-9) : T(1e-5);     ///< a distance without a direction, over the extent
+  static constexpr T kTouching = kIsDouble ? T(1e-9) : T(1e-5);    ///< a distance without a direction, over the extent
   static constexpr T kConverged = kIsDouble ? T(1e-15) : T(1e-7);  ///< of the square of a distance
-  static constexpr T kDepth = kIsDouble ? T(1e-11) : T(1e-6);       ///< of a depth, over the extent
-  static constexpr T kSeen = kIsDouble ? T(1e-15) : T(1e-7);        ///< of a height, likewise
+  static constexpr T kDepth = kIsDouble ? T(1e-11) : T(1e-6);      ///< of a depth, over the extent
+  static constexpr T kSeen = kIsDouble ? T(1e-15) : T(1e-7);       ///< of a height, likewise
 };
 
 enum class Encounter : std::uint8_t { apart, near, overlapping };
@@ -31,7 +31,8 @@ STICTION_HD_OUTLINE Encounter separate(ConvexPair<T>& pair, T most, Closest<T>& 
     const DifferencePoint<T> point = pair.support(scaled(T(-1), x));
     const T along_x = dot(x, point.place());
     if (along_x > T(0) && along_x * along_x > most * most * square) return Encounter::apart;
-    if (!is_first && (square - along_x <= ConvexRounding<T>::kConverged * square || has_point(simplex.at, simplex.count, point)))
+    if (!is_first &&
+        (square - along_x <= ConvexRounding<T>::kConverged * square || has_point(simplex.at, simplex.count, point)))
       break;
     const Simplex<T> before = simplex;
     simplex.at[simplex.count] = point;
