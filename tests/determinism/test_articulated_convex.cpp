@@ -43,7 +43,7 @@ TEST(ArticulatedConvex, InstructionSetsAndThreadsChangeNoBit) {
 
 TEST(ArticulatedConvex, EveryPairTouchesSomewhere) {
   auto robots = thrown<double>(kEnvs, 1);
-  // Of five kinds all pairs, without two of spheres, capsules or boxes, that there is one of beside the table.
+  // Five kinds: all pairs but two spheres and two capsules, of which there is one.
   EXPECT_EQ(touching_kinds(robots, general_heap()).size(), 13U);
 }
 

@@ -134,7 +134,7 @@ struct Simplex {
   }
 };
 
-/// Where two shapes are nearest, or how they leave each other by the shortest way.
+/// Nearest points of two shapes, or those of the shortest way out of each other.
 template <class T>
 struct Closest {
   Vector3<T> normal;  ///< unit, from the first to the second

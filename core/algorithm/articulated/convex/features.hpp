@@ -85,8 +85,8 @@ struct ShapeEdge {
   Vector3<T> from, to;
 };
 
-/// Calls f with every edge of a shape that its feature, of one or two points, lies in. That of a round side lies where
-/// it is farthest along `way`, a capsule's `beyond` its side.
+/// Calls f with every edge of a shape that its feature, of one or two points, lies in. One of a round side is farthest
+/// along `way`, and of a capsule `beyond` its side.
 template <class T, class F>
 STICTION_HD bool any_edge(const ConvexShape<T>& shape, const Feature<T>& feature, const Vector3<T>& way, T beyond,
                           F&& f) {

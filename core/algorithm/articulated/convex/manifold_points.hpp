@@ -4,8 +4,8 @@
 #include "core/algorithm/articulated/touch_hull.hpp"
 #include "core/algorithm/collision/face_polygon.hpp"
 
-/// Points over the whole of where two convex shapes lie on each other, as MuJoCo 4.0 chooses them: a face, or an edge,
-/// cut to the outline of a face.
+/// Points where two convex shapes lie on each other, as MuJoCo 4.0 chooses them. They are corners of a face, or ends of
+/// an edge, cut to the outline of a face.
 namespace stiction::inline STICTION_ISA {
 
 template <class T>

@@ -42,7 +42,7 @@ class GrowingPolytope {
       for (Index f = 1; f < faces_; ++f)
         if (face_[f].height < face_[nearest_].height) nearest_ = f;
       best_ = face_[nearest_];
-      if (!(best_.height < kFar)) return false;
+      if (!(best_.height < kNowhere)) return false;
       if (points_ == kMostPoints) return true;
       const DifferencePoint<T> point = pair_.support(best_.normal);
       const T more = dot(best_.normal, point.place()) - best_.height;
@@ -76,7 +76,7 @@ class GrowingPolytope {
     std::uint8_t corner[3];
   };
   /// Height of a face without an area, or turned over by rounding: it is nowhere nearest, and seen from nowhere.
-  static constexpr T kFar = T(1e30);
+  static constexpr T kNowhere = T(1e30);
   struct Edge {
     std::uint8_t from, to;
   };
@@ -123,7 +123,7 @@ class GrowingPolytope {
     const bool has_area = size > kFlat * max_(dot(u, u), dot(v, v));
     face.normal = scaled(has_area ? div_(T(1), size) : T(0), n);
     const T height = dot(face.normal, at);
-    face.height = has_area && dot(face.normal, middle_) < height ? height : kFar;
+    face.height = has_area && dot(face.normal, middle_) < height ? height : kNowhere;
   }
 
   /// Replaces the faces that a new point sees. Returns false if there is no room.

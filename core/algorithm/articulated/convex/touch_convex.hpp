@@ -2,6 +2,7 @@
 
 #include "core/algorithm/articulated/convex/manifold_points.hpp"
 #include "core/algorithm/articulated/convex/penetration.hpp"
+#include "core/algorithm/articulated/convex/sphere_cylinder.hpp"
 
 /// Points of hulls and cylinders with all but planes and height fields.
 namespace stiction::inline STICTION_ISA {
@@ -11,11 +12,15 @@ template <class T>
 STICTION_HD_OUTLINE HullPoints<T> convex_points(const ConvexShape<T>& a, const ConvexShape<T>& b, T reach, T extent) {
   HullPoints<T> found;
   const T radius_a = a.radius(), radius_b = b.radius();
-  ConvexPair<T> pair{a, b, extent};
   Closest<T> closest{};
-  const Encounter encounter = separate(pair, max_(reach + (radius_a + radius_b), T(0)), closest);
-  if (encounter == Encounter::apart) return found;
-  if (encounter == Encounter::overlapping && !penetrate(pair, closest)) return found;
+  if (a.is(GeomKind::sphere) && b.is(GeomKind::cylinder)) {
+    leave_cylinder(a, b, closest);
+  } else {
+    ConvexPair<T> pair{a, b, extent};
+    const Encounter encounter = separate(pair, max_(reach + (radius_a + radius_b), T(0)), closest);
+    if (encounter == Encounter::apart) return found;
+    if (encounter == Encounter::overlapping && !penetrate(pair, closest)) return found;
+  }
   const T distance = closest.distance - (radius_a + radius_b);
   if (!(distance <= reach)) return found;
   if (!a.is(GeomKind::sphere)) touch_over_faces(a, b, closest, reach, found);
