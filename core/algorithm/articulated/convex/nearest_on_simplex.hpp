@@ -56,10 +56,8 @@ struct SimplexCorners {
     for (Index k = 0; k < 4; ++k) {
       const Index i = (k + 1) % 4, j = (k + 2) % 4, l = (k + 3) % 4;
       const Vector3<T> n = cross(subtract(at[j], at[i]), subtract(at[l], at[i]));
-      const Vector3<T> rise = subtract(at[k], at[i]);
-      const T inner = dot(n, rise), own = -dot(n, at[i]);
-      const bool is_flat = !(inner * inner > kFlat * (dot(n, n) * dot(rise, rise)));
-      if (!is_flat && ((inner > T(0) && own > T(0)) || (inner < T(0) && own < T(0)))) continue;
+      const T inner = dot(n, subtract(at[k], at[i])), own = -dot(n, at[i]);
+      if ((inner > T(0) && own > T(0)) || (inner < T(0) && own < T(0))) continue;
       const NearestOfSimplex<T> found = of_triangle(i, j, l);
       if (!is_outside) best = found;
       take_nearer(best, found);

@@ -38,10 +38,9 @@ class GrowingPolytope {
   /// Grows where the surface is nearest, until it is that of the difference. Returns false if no face has an area.
   STICTION_HD bool grow() {
     while (true) {
-      nearest_ = 0;
+      best_ = face_[0];
       for (Index f = 1; f < faces_; ++f)
-        if (face_[f].height < face_[nearest_].height) nearest_ = f;
-      best_ = face_[nearest_];
+        if (face_[f].height < best_.height) best_ = face_[f];
       if (!(best_.height < kNowhere)) return false;
       if (points_ == kMostPoints) return true;
       const DifferencePoint<T> point = pair_.support(best_.normal);
@@ -117,10 +116,9 @@ class GrowingPolytope {
     face.corner[0] = static_cast<std::uint8_t>(i);
     face.corner[1] = static_cast<std::uint8_t>(j);
     face.corner[2] = static_cast<std::uint8_t>(k);
-    constexpr T kFlat = ConvexRounding<T>::kIsDouble ? T(1e-7) : T(1e-4);  // of a sine
-    const Vector3<T> at = place(i), u = subtract(place(j), at), v = subtract(place(k), at), n = cross(u, v);
+    const Vector3<T> at = place(i), n = cross(subtract(place(j), at), subtract(place(k), at));
     const T size = length(n);
-    const bool has_area = size > kFlat * max_(dot(u, u), dot(v, v));
+    const bool has_area = size > T(0);
     face.normal = scaled(has_area ? div_(T(1), size) : T(0), n);
     const T height = dot(face.normal, at);
     face.height = has_area && dot(face.normal, middle_) < height ? height : kNowhere;
@@ -135,7 +133,7 @@ class GrowingPolytope {
     bool has_room = true;
     for (Index f = 0; f < faces_; ++f) {
       const Face face = face_[f];
-      if (f != nearest_ && !(dot(face.normal, p) - face.height > rounding)) {
+      if (!(dot(face.normal, p) - face.height > rounding)) {
         face_[kept++] = face;
         continue;
       }
@@ -163,7 +161,7 @@ class GrowingPolytope {
   Face face_[kMostFaces];
   Face best_{};
   Vector3<T> middle_{};  ///< a point inside
-  Index points_ = 0, faces_ = 0, nearest_ = 0;
+  Index points_ = 0, faces_ = 0;
 };
 
 /// Returns false if the difference has no volume.

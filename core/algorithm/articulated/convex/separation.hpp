@@ -44,7 +44,7 @@ STICTION_HD_OUTLINE Encounter separate(ConvexPair<T>& pair, T most, Closest<T>& 
     simplex.mix(found.a, found.b);
     const Vector3<T> nearer = subtract(found.a, found.b);
     const T less = dot(nearer, nearer);
-    if (!is_inside && !(less > touching * touching)) return less == less ? Encounter::overlapping : Encounter::apart;
+    if (!is_inside && !(less > touching * touching)) return Encounter::overlapping;
     if (is_inside || (!is_first && !(less < square))) {  // by rounding
       simplex = before;
       simplex.mix(found.a, found.b);
