@@ -49,9 +49,9 @@ def test_contacts_of_hulls_are_mujocos(pair, margin, is_along):
     data = encounters(model, COUNT, is_along, seed=1)
     counts, same, far = differences(model, data, lanes(model, data).probe())
     assert (counts > 0).sum() > COUNT // 3 and counts.max() >= min({"sphere": 1, "capsule": 2}.get(pair[0], 4), 4 if is_along else 2)
-    # Two ways out that are as short, and faces of one normal, leave a choice.
+    # Two ways out that are as short leave a choice. MuJoCo takes a capsule's side from the directions that it tried.
     assert same.mean() > .96, np.flatnonzero(~same)
-    assert np.quantile(far, .96) < 1e-6, np.sort(far)[-9:]
+    assert np.quantile(far, .9 if pair[0] == "capsule" else .96) < 1e-6, np.sort(far)[-9:]
 
 
 @pytest.mark.parametrize("margin", [0.01, 0.0])
@@ -76,7 +76,7 @@ def test_contacts_in_single_precision_are_near(pair):
     assert np.mean(near) > 0.9
 
 
-def dropped(on, falls, count=12):
+def dropped(on, falls, top=.1, count=12):
     """Bodies that fall flat on one that stands still, at random places and turns about the upright."""
     model = accurate(mujoco.MjModel.from_xml_string(f"""<mujoco><option timestep="0.002"/>{assets()}<worldbody>
 <geom {on}/><body name="b"><freejoint/><geom {falls}/></body></worldbody></mujoco>"""))
@@ -85,14 +85,16 @@ def dropped(on, falls, count=12):
         turn, lean = rng.uniform(0, np.pi), np.array([1.0, *.01 * rng.standard_normal(3)])
         orientation = np.empty(4)
         mujoco.mju_mulQuat(orientation, np.array([np.cos(turn), 0, 0, np.sin(turn)]), lean / np.linalg.norm(lean))
-        mujoco.mju_mulQuat(orientation, orientation.copy(), np.array(model.mesh_quat[model.geom_dataid[1]]))
-        data.qpos[:] = [*rng.uniform(-.05, .05, 2), .1 + .03 + .02, *orientation]
+        if model.geom_dataid[1] >= 0:
+            mujoco.mju_mulQuat(orientation, orientation.copy(), np.array(model.mesh_quat[model.geom_dataid[1]]))
+        data.qpos[:] = [*rng.uniform(-top / 2, top / 2, 2), top + .05, *orientation]
         mujoco.mj_forward(model, data)
-    return model, data, found
+    return model, found
 
 
-def test_a_hull_that_falls_on_a_box_moves_as_in_mujoco_and_comes_to_rest():
-    model, _, data = dropped('type="box" size=".4 .3 .1"', geom_of("prism"))
+@pytest.mark.parametrize("on, top", [('type="box" size=".4 .3 .1"', .1), (geom_of("block"), .05)], ids=["a box", "a hull"])
+def test_a_hull_that_falls_moves_as_in_mujoco_and_comes_to_rest(on, top):
+    model, data = dropped(on, geom_of("prism"), top)
     simulation = lanes(model, data, tolerance=1e-11)
     for _ in range(20):
         simulation.step(nstep=5)
@@ -100,18 +102,27 @@ def test_a_hull_that_falls_on_a_box_moves_as_in_mujoco_and_comes_to_rest():
             mujoco.mj_step(model, one, 5)
             assert apart(simulation.qpos[i], one.qpos) < 1e-6, i
     simulation.step(nstep=1500)
-    for i, one in enumerate(data):
+    for one in data:
         mujoco.mj_step(model, one, 1500)
-        assert np.abs(simulation.qvel[i]).max() < 1e-3 and abs(simulation.qpos[i][2] - one.qpos[2]) < 1e-4, i
-    assert simulation.probe()["contacts"].min() >= 3
+    rests = [i for i, one in enumerate(data) if np.abs(one.qvel).max() < 1e-3]  # others fall off
+    assert len(rests) > (2 if top < .1 else 11) and np.abs(simulation.qvel[rests]).max() < 1e-3
+    assert max(abs(simulation.qpos[i][2] - data[i].qpos[2]) for i in rests) < 1e-4
+    assert simulation.probe()["contacts"][rests].min() >= 3
 
 
-@pytest.mark.parametrize("pair", [("cylinder", "block"), ("stone", "box"), ("block", "cylinder")], ids=name_of)
-def test_bodies_come_to_rest_on_each_other(pair):
-    model, _, data = dropped(geom_of(pair[0], ".3 .1"), geom_of(pair[1], ".1 .05"))
-    simulation = lanes(model, data, tolerance=1e-8)
-    simulation.step(nstep=600)
-    assert not simulation.failed.size and np.isfinite(simulation.qpos).all()
+ON_EACH_OTHER = {"a hull on a cap": (geom_of("cylinder", ".4 .1"), geom_of("block")), "a cap on a box": (geom_of("box", ".4 .3 .1"), geom_of("cylinder")),
+                 "a cap on a cap": (geom_of("cylinder", ".4 .1"), geom_of("cylinder"))}
+
+
+@pytest.mark.parametrize("dtype", ["float64", "float32"])
+@pytest.mark.parametrize("pair", ON_EACH_OTHER)
+def test_bodies_come_to_rest_on_each_other(pair, dtype):
+    model, data = dropped(*ON_EACH_OTHER[pair])
+    simulation = lanes(model, data, dtype=dtype)
+    simulation.step(nstep=1500)
+    assert not simulation.failed.size and np.abs(simulation.qvel).max() < 1e-2, np.abs(simulation.qvel).max(1)
+    found = simulation.probe()
+    assert found["contacts"].min() >= 3 and -.005 < found["contact"][:, 0, 0].min()
 
 
 def test_a_hull_on_a_height_field_and_hulls_without_all_their_points_are_refused():
