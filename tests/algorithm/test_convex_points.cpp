@@ -279,6 +279,46 @@ TEST_P(EveryPair, DegenerateStatesEnd) {
   check(Shapes<float>(), 0.0F);
 }
 
+/// Points of a shape a hundredth deep in a box's upper face, off its middle, in the kinds' order.
+HullPoints<double> on_a_box(std::size_t which, double half_height, const Quaternion<double>& turn) {
+  const Shapes<double> shapes;
+  const auto box = shapes.shape(kBox, {.02, .01, 0}, {1, 0, 0, 0});
+  const auto on = shapes.shape(which, {0, 0, .15 + half_height - .01}, turn);
+  HullPoints<double> found = which > kBox ? convex_points(box, on, 0.0, kExtent) : convex_points(on, box, 0.0, kExtent);
+  for (Index k = 0; k < found.count; ++k) {
+    EXPECT_NEAR(found.at[k].depth, .01, 1e-12);
+    EXPECT_NEAR(found.at[k].normal.z, which > kBox ? 1 : -1, 1e-12);
+    EXPECT_NEAR(found.at[k].point.z, .145, 1e-12);
+    EXPECT_LT(std::abs(found.at[k].point.x - .02), .2 + 1e-12);
+    EXPECT_LT(std::abs(found.at[k].point.y - .01), .1 + 1e-12);
+  }
+  return found;
+}
+double distance_of(const HullPoints<double>& found, Index i, Index j) {
+  return length(subtract(found.at[i].point, found.at[j].point));
+}
+
+TEST(ConvexFaces, AFaceOnAFaceHasFourPointsThatSpanBoth) {
+  for (const std::size_t which : {kCylinder, kPrism}) {
+    const HullPoints<double> found = on_a_box(which, which == kCylinder ? .12 : .1, {1, 0, 0, 0});
+    ASSERT_EQ(found.count, 4);
+    const Point one = subtract(found.at[2].point, found.at[0].point),
+                other = subtract(found.at[3].point, found.at[1].point);
+    EXPECT_GT(length(cross(one, other)) / 2, .035) << "of .08, the box's face";
+  }
+}
+
+TEST(ConvexFaces, ALineOnAFaceEndsWithEither) {
+  const double half = std::sqrt(.5);
+  const HullPoints<double> cylinder = on_a_box(kCylinder, .15, {half, 0, half, 0});  // its axis along x
+  ASSERT_EQ(cylinder.count, 2);
+  EXPECT_NEAR(distance_of(cylinder, 0, 1), .24, 1e-12) << "the cylinder's length";
+  const HullPoints<double> capsule = on_a_box(kCapsule, .08, {half, half, 0, 0});  // along y
+  ASSERT_EQ(capsule.count, 2);
+  EXPECT_NEAR(distance_of(capsule, 0, 1), .2, 1e-12) << "the box's width";
+  EXPECT_EQ(on_a_box(kSphere, .1, {1, 0, 0, 0}).count, 1);
+}
+
 std::vector<std::pair<std::size_t, std::size_t>> all_pairs() {
   std::vector<std::pair<std::size_t, std::size_t>> found;
   for (std::size_t a = 0; a < kShapes; ++a)
