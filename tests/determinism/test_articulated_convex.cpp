@@ -75,13 +75,18 @@ TEST(ArticulatedConvex, TheTurnOfAFaceChangesNoPoint) {
   EXPECT_EQ(robots.hash(), other.hash());
 }
 
-TEST(ArticulatedConvex, AFaceOfManyCornersIsNamed) {
-  ArticulatedDescription model = general_heap();
-  ArticulatedHull& hull = model.hulls[0];
-  hull.corners.insert(hull.corners.begin(), 27, hull.corners[0]);
-  for (std::size_t face = 1; face < hull.face_begin.size(); ++face) hull.face_begin[face] += 27;
-  const std::string found = error_message([&] { ArticulatedBatch<double>(model, 1); });
-  EXPECT_NE(found.find("a face of hulls[0] has 34 corners: up to 32"), std::string::npos) << found;
+TEST(ArticulatedConvex, HullsThatTouchPlanesAloneAreNamed) {
+  const auto says = [](const char* text, const auto& change) {
+    ArticulatedDescription model = general_heap();
+    change(model.hulls[0]);
+    const std::string found = error_message([&] { ArticulatedBatch<double>(model, 1); });
+    EXPECT_NE(found.find(text), std::string::npos) << found;
+  };
+  says("a face of hulls[0] has 34 corners: up to 32", [](ArticulatedHull& hull) {
+    hull.corners.insert(hull.corners.begin(), 27, hull.corners[0]);
+    for (std::size_t face = 1; face < hull.face_begin.size(); ++face) hull.face_begin[face] += 27;
+  });
+  says("hulls[0] has a vertex that is no face's corner", [](ArticulatedHull& hull) { hull.vertices.push_back({}); });
 }
 
 }  // namespace

@@ -224,11 +224,16 @@ void check_pairs(const ArticulatedDescription& model) {
     if (!is_ground && (a.kind == GeomKind::plane || b.kind == GeomKind::plane))
       refuse_model("pairs[" + std::to_string(i) +
                    "]: planes touch everything but planes in lanes, and stand still: give the plane first");
-    for (const ArticulatedGeom& geom : {a, b})
-      if (!is_ground && geom.kind == GeomKind::mesh && most_corners(model.hulls[at(geom.hull)]) > kMostFaceCorners)
-        refuse_model("pairs[" + std::to_string(i) + "]: a face of hulls[" + std::to_string(geom.hull) + "] has " +
-                     std::to_string(most_corners(model.hulls[at(geom.hull)])) + " corners: up to " +
+    for (const ArticulatedGeom& geom : {a, b}) {
+      if (is_ground || geom.kind != GeomKind::mesh) continue;
+      const ArticulatedHull& hull = model.hulls[at(geom.hull)];
+      const std::string place = "pairs[" + std::to_string(i) + "]: ",
+                        which = "hulls[" + std::to_string(geom.hull) + "]";
+      if (most_corners(hull) > kMostFaceCorners)
+        refuse_model(place + "a face of " + which + " has " + std::to_string(most_corners(hull)) + " corners: up to " +
                      std::to_string(kMostFaceCorners) + " touch others than planes in lanes; give fewer");
+      if (!has_faces_everywhere(hull)) refuse(place + which + " has a vertex that is no face's corner: give all faces");
+    }
     if (a.kind > b.kind) refuse("pairs[" + std::to_string(i) + "]: kinds of geoms must ascend: swap geom_a and geom_b");
     if (pair.dim != 1 && pair.dim != 3 && pair.dim != 4 && pair.dim != 6)
       refuse(place_of("pairs", i, "dim") + " = " + std::to_string(pair.dim) + ": must be 1, 3, 4 or 6");

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <vector>
@@ -65,6 +66,13 @@ inline Index most_corners(const ArticulatedHull& hull) {
     if (count > most) most = count;
   }
   return most;
+}
+
+/// Returns true if each vertex is a corner of a face.
+inline bool has_faces_everywhere(const ArticulatedHull& hull) {
+  std::vector<bool> has(hull.vertices.size());
+  for (const Index corner : hull.corners) has[at(corner)] = true;
+  return std::find(has.begin(), has.end(), false) == has.end();
 }
 
 inline double along(const HullPoint& a, const HullPoint& b) {
