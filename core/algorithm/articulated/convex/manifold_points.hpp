@@ -57,7 +57,7 @@ struct FaceContact {
   Vector3<T> off;     ///< the same or its opposite: away from the face
 };
 
-/// Cuts a polygon to a face's outline, and adds its points that are no farther than `reach`.
+/// Cuts a polygon to a face's outline, and adds its points within `reach`: where an edge is cut two, as MuJoCo 4.0 has.
 template <class T>
 STICTION_HD_OUTLINE void touch_outline(const FaceContact<T>& contact, ConvexPolygon<T>& polygon, T reach,
                                        HullPoints<T>& found) {
