@@ -157,10 +157,10 @@ class GrowingPolytope {
   }
 
   ConvexPair<T>& pair_;
+  Vector3<T> middle_{};  ///< a point inside
   DifferencePoint<T> point_[kMostPoints];
   Face face_[kMostFaces];
   Face best_{};
-  Vector3<T> middle_{};  ///< a point inside
   Index points_ = 0, faces_ = 0;
 };
 
